@@ -1,0 +1,185 @@
+//! A Rao-Blackwellized particle filter with a multi-modal improved proposal. It knows nothing of maps.
+//!
+//! A particle is a state with a weight. In every step each particle is offered the modes of its
+//! proposal (places where the likelihood has a local maximum, each with a Gaussian around it). The
+//! observation model weighs all modes of all particles at once, so that relative models can normalise
+//! over the pool. Each particle draws one mode in proportion to its likelihood mass, draws inside it,
+//! folds the observation into its state, and its weight grows by the sum over its modes: the predictive
+//! likelihood (Stachniss, Grisetti, Burgard, Roy, "Analyzing Gaussian proposal distributions for mapping
+//! with Rao-Blackwellized particle filters", IROS 2007). When the effective sample size falls under a
+//! share of the particles, they are resampled with low variance. States that share their history
+//! through shared pointers stay cheap to copy.
+
+mod resample;
+mod weight;
+
+pub use resample::low_variance;
+pub use weight::{effective_sample_size, log_sum, normalise, LogWeight};
+
+use crate::parallel;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Random numbers of one particle in one step.
+pub type Stream = Pcg64;
+
+/// The three conditional models of the filter.
+pub trait Model: Sync {
+    /// What a particle knows: its trajectory and, given that, the analytic rest. Cheap to clone.
+    type State: Clone + Send + Sync;
+    /// One mode of the proposal.
+    type Mode: Send + Sync;
+
+    /// Proposal: the modes that the state can go to next. None: the state stays as it is.
+    fn propose(&self, state: &Self::State) -> Vec<Self::Mode>;
+
+    /// Observation: the log-likelihood mass of every mode, `log of integral p(z | x) p(x | state) dx`
+    /// over the mode, one vector a particle; all particles' modes are given together.
+    fn log_masses(&self, pool: &[&[Self::Mode]]) -> Vec<Vec<LogWeight>>;
+
+    /// Weight of staying, for a particle without a mode while others move on.
+    fn log_mass_of_staying(&self, masses: &[Vec<LogWeight>]) -> LogWeight;
+
+    /// Update: draws a successor inside the mode and folds the observation in.
+    fn advance(&self, state: &Self::State, mode: &Self::Mode, rng: &mut Stream) -> Self::State;
+
+    /// True when both states are one and the same, so that their modes need not be worked out twice.
+    fn is_same(&self, _a: &Self::State, _b: &Self::State) -> bool {
+        false
+    }
+}
+
+/// A weighted sample of the posterior.
+#[derive(Debug, Clone)]
+pub struct Particle<S> {
+    /// The sample.
+    pub state: S,
+    /// Its weight; the weights of a filter sum to one.
+    pub log_weight: LogWeight,
+}
+
+/// What a step did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Particles that had a mode to go to.
+    pub advanced: usize,
+    /// N_eff before resampling.
+    pub effective_sample_size: f64,
+    /// Whether particles were resampled.
+    pub resampled: bool,
+    /// Log of the estimated p(z_t | z_1..t-1).
+    pub log_evidence: f64,
+}
+
+/// See the module's text.
+#[derive(Debug, Clone)]
+pub struct ParticleFilter<S> {
+    particles: Vec<Particle<S>>,
+    resample_below: f64,
+    seed: u64,
+    step: u64,
+}
+
+impl<S: Clone + Send + Sync> ParticleFilter<S> {
+    /// So many equal particles. They are resampled when N_eff falls under `resample_below` times their
+    /// number.
+    pub fn new(initial: S, particles: usize, resample_below: f64, seed: u64) -> Self {
+        let log_weight = LogWeight(-(particles as f64).ln());
+        Self {
+            particles: vec![Particle { state: initial, log_weight }; particles],
+            resample_below,
+            seed,
+            step: 0,
+        }
+    }
+
+    /// The particles; their weights sum to one.
+    pub fn particles(&self) -> &[Particle<S>] {
+        &self.particles
+    }
+
+    /// One step: propose, weigh, draw and update, normalise, resample.
+    pub fn step<M: Model<State = S>>(&mut self, model: &M) -> Step {
+        let n = self.particles.len();
+        self.step += 1;
+
+        // Propose. Copies of one particle lie side by side after resampling: one turn serves them all.
+        let mut group_of = Vec::with_capacity(n);
+        let mut leaders: Vec<usize> = Vec::new();
+        for (i, p) in self.particles.iter().enumerate() {
+            let known = leaders.last().is_some_and(|l| {
+                model.is_same(&self.particles[*l].state, &p.state)
+            });
+            if !known {
+                leaders.push(i);
+            }
+            group_of.push(leaders.len() - 1);
+        }
+        let modes = parallel::map(&leaders, |l| model.propose(&self.particles[*l].state));
+
+        // Weigh: the predictive likelihood of a particle is the sum over its modes.
+        let pool: Vec<&[M::Mode]> = modes.iter().map(Vec::as_slice).collect();
+        let masses = model.log_masses(&pool);
+        let totals: Vec<LogWeight> =
+            masses.iter().map(|m| log_sum(m.iter().copied())).collect();
+        let staying = model.log_mass_of_staying(&masses);
+
+        // Draw and update, each particle from its own stream.
+        let indices: Vec<usize> = (0..n).collect();
+        let (seed, step) = (self.seed, self.step);
+        let advanced = parallel::map(&indices, |i| {
+            let (p, g) = (&self.particles[*i], group_of[*i]);
+            if totals[g].is_zero() {
+                return (Particle { state: p.state.clone(), log_weight: p.log_weight * staying }, 0);
+            }
+            let mut rng = stream(seed, step, *i as u64);
+            let chosen = draw(&normalise(&masses[g]), rng.random());
+            let state = model.advance(&p.state, &modes[g][chosen], &mut rng);
+            (Particle { state, log_weight: p.log_weight * totals[g] }, 1)
+        });
+        let moved = advanced.iter().map(|(_, moved)| moved).sum();
+        self.particles = advanced.into_iter().map(|(p, _)| p).collect();
+
+        // Normalise; resample when few particles carry the weight.
+        let weights: Vec<LogWeight> = self.particles.iter().map(|p| p.log_weight).collect();
+        let log_evidence = log_sum(weights.iter().copied()).0;
+        let normalised = normalise(&weights);
+        let effective_sample_size = effective_sample_size(&normalised);
+        let resampled = effective_sample_size < self.resample_below * n as f64;
+        if resampled {
+            let start = stream(seed, step, u64::MAX).random();
+            let log_weight = LogWeight(-(n as f64).ln());
+            self.particles = low_variance(&normalised, n, start)
+                .into_iter()
+                .map(|i| Particle { state: self.particles[i].state.clone(), log_weight })
+                .collect();
+        } else {
+            for (p, w) in self.particles.iter_mut().zip(&normalised) {
+                p.log_weight = LogWeight(w.ln());
+            }
+        }
+        Step { advanced: moved, effective_sample_size, resampled, log_evidence }
+    }
+}
+
+/// The random stream of (seed, step, index).
+pub fn stream(seed: u64, step: u64, index: u64) -> Stream {
+    // Odd multipliers keep neighbouring (step, index) pairs far apart in the seed space.
+    let mixed = seed
+        ^ step.wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        ^ index.wrapping_mul(0xD1B5_4A32_D192_ED03).rotate_left(23);
+    Pcg64::seed_from_u64(mixed)
+}
+
+/// Index drawn with the given probabilities; `u` in [0, 1).
+fn draw(probabilities: &[f64], u: f64) -> usize {
+    let mut upto = 0.0;
+    for (i, p) in probabilities.iter().enumerate() {
+        upto += p;
+        if u < upto {
+            return i;
+        }
+    }
+    // Rounding left a sliver: the last index that can be drawn at all.
+    probabilities.iter().rposition(|p| *p > 0.0).unwrap_or(0)
+}

@@ -1,0 +1,164 @@
+//! Placed maps into one grid.
+//!
+//! Free space is looked up from the output's cells, walls are also carried forward from the input's
+//! cells: a wall of one cell must not fall between the output's cell centres.
+
+use crate::config::{FuseConfig, FuseRule};
+use crate::error::{Error, Result};
+use crate::grid::{class_of, Class, OccupancyGrid, UNKNOWN};
+use crate::parallel;
+use crate::se2::{Se2, Vec2};
+
+/// Log-odds that one map's occupied cell adds: hits are rarer than misses and weigh more.
+const LOG_ODDS_OCCUPIED: f32 = 0.85;
+/// Log-odds that one map's free cell adds.
+const LOG_ODDS_FREE: f32 = -0.4;
+/// Largest number of cells of a merged map.
+const MAX_CELLS: f64 = 268_435_456.0;
+
+/// The merged map of one component.
+#[derive(Debug, Clone)]
+pub struct Fused {
+    /// The map, in the component's frame: yaw 0, origin on whole multiples of the resolution.
+    pub grid: OccupancyGrid,
+    /// Cells that one map shows occupied and another free.
+    pub conflicts: usize,
+    /// Cells that two maps or more know.
+    pub shared: usize,
+}
+
+/// Fuses grids placed at `T_world_map`; order matters for [`FuseRule::Latest`] only.
+pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -> Result<Fused> {
+    let finest = placed.iter().map(|(g, _)| g.resolution()).fold(f64::INFINITY, f64::min);
+    let resolution = config.resolution.unwrap_or(finest);
+    let (low, high) = known_bounds(placed).ok_or_else(|| Error::Grid {
+        map: name.into(),
+        field: "cells",
+        problem: "no map has a known cell to fuse".into(),
+    })?;
+    // A margin of one cell, and an origin on whole cells.
+    let first = (low / resolution).map(|v| v.floor() - 1.0);
+    let last = (high / resolution).map(|v| v.ceil() + 1.0);
+    let size = last - first;
+    if size.x * size.y > MAX_CELLS {
+        return Err(Error::Config {
+            key: "fuse.resolution".into(),
+            problem: format!(
+                "{resolution} m makes a merged map of {} x {} cells; choose a coarser one",
+                size.x, size.y
+            ),
+        });
+    }
+    let (width, height) = (size.x as usize, size.y as usize);
+    let origin = Se2::new(first.x * resolution, first.y * resolution, 0.0);
+    let frame =
+        OccupancyGrid::new(name, width, height, resolution, origin, vec![UNKNOWN; width * height])?;
+
+    let walls = parallel::map(placed, |(g, t)| forward_walls(g, t, &frame));
+    let rows: Vec<usize> = (0..height).collect();
+    let lines = parallel::map(&rows, |row| {
+        let mut line = Line { cells: vec![UNKNOWN; width], conflicts: 0, shared: 0 };
+        let mut seen: Vec<Class> = Vec::with_capacity(placed.len());
+        let locators: Vec<_> =
+            placed.iter().map(|(g, t)| g.locator_from(&t.inverse())).collect();
+        for col in 0..width {
+            let p = frame.cell_center(*row, col);
+            seen.clear();
+            for (k, (g, _)) in placed.iter().enumerate() {
+                let class = if walls[k].contains(row * width + col) {
+                    Class::Occupied
+                } else {
+                    locators[k].index(p).map_or(Class::Unknown, |i| class_of(g.cells()[i]))
+                };
+                if class != Class::Unknown {
+                    seen.push(class);
+                }
+            }
+            let occupied = seen.iter().filter(|c| **c == Class::Occupied).count();
+            line.conflicts += usize::from(occupied > 0 && occupied < seen.len());
+            line.shared += usize::from(seen.len() > 1);
+            line.cells[col] = combine(&seen, occupied, config.rule);
+        }
+        line
+    });
+    let mut cells = Vec::with_capacity(width * height);
+    let (mut conflicts, mut shared) = (0, 0);
+    for line in lines {
+        cells.extend_from_slice(&line.cells);
+        conflicts += line.conflicts;
+        shared += line.shared;
+    }
+    let grid = OccupancyGrid::new(name, width, height, resolution, origin, cells)?;
+    Ok(Fused { grid, conflicts, shared })
+}
+
+struct Line {
+    cells: Vec<i8>,
+    conflicts: usize,
+    shared: usize,
+}
+
+fn combine(seen: &[Class], occupied: usize, rule: FuseRule) -> i8 {
+    if seen.is_empty() {
+        return UNKNOWN;
+    }
+    let is_wall = match rule {
+        FuseRule::LogOdds => {
+            let free = seen.len() - occupied;
+            LOG_ODDS_OCCUPIED * occupied as f32 + LOG_ODDS_FREE * free as f32 > 0.0
+        }
+        FuseRule::Max => occupied > 0,
+        FuseRule::Latest => seen.last() == Some(&Class::Occupied),
+    };
+    if is_wall {
+        100
+    } else {
+        0
+    }
+}
+
+/// Cells of the output that hold the centre of an occupied cell.
+struct WallCells(Vec<u64>);
+
+impl WallCells {
+    #[inline(always)]
+    fn contains(&self, index: usize) -> bool {
+        self.0[index / 64] >> (index % 64) & 1 == 1
+    }
+}
+
+fn forward_walls(grid: &OccupancyGrid, t_world_map: &Se2, frame: &OccupancyGrid) -> WallCells {
+    let mut bits = vec![0u64; frame.cells().len().div_ceil(64)];
+    let to_frame = frame.locator_from(t_world_map);
+    let w = grid.width();
+    for (i, v) in grid.cells().iter().enumerate() {
+        if class_of(*v) == Class::Occupied {
+            if let Some(k) = to_frame.index(grid.cell_center(i / w, i % w)) {
+                bits[k / 64] |= 1 << (k % 64);
+            }
+        }
+    }
+    WallCells(bits)
+}
+
+/// Smallest and largest world coordinates of the known cells.
+fn known_bounds(placed: &[(&OccupancyGrid, Se2)]) -> Option<(Vec2, Vec2)> {
+    let mut bounds: Option<(Vec2, Vec2)> = None;
+    for (g, t) in placed {
+        let w = g.width();
+        for row in 0..g.height() {
+            let line = &g.cells()[row * w..(row + 1) * w];
+            let known = |v: &i8| class_of(*v) != Class::Unknown;
+            // The row's first and last known cells span it; a rigid motion keeps it so.
+            let (Some(a), Some(b)) = (line.iter().position(known), line.iter().rposition(known)) else {
+                continue;
+            };
+            for (c, r) in [(a, row), (a, row + 1), (b + 1, row), (b + 1, row + 1)] {
+                let p = t.apply(g.grid_to_map(c as f64, r as f64));
+                let (lo, hi) = bounds.unwrap_or((p, p));
+                bounds = Some((lo.inf(&p), hi.sup(&p)));
+            }
+        }
+    }
+    bounds
+}

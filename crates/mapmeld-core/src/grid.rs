@@ -1,0 +1,220 @@
+//! The occupancy grid, and the only code that turns cells into metres.
+
+use crate::error::{Error, Result};
+use crate::se2::{Rigid, Se2, Vec2};
+
+/// Cell value of a cell that nobody has seen.
+pub const UNKNOWN: i8 = -1;
+/// Largest occupancy (percent) of a free cell; nav2's free_thresh rounds to this.
+pub const FREE_AT_MOST: i8 = 25;
+/// Smallest occupancy (percent) of an occupied cell; nav2's occupied_thresh.
+pub const OCCUPIED_AT_LEAST: i8 = 65;
+
+/// What a cell is (paper, section 4: the classes C).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Class {
+    /// Seen to be empty.
+    Free,
+    /// Seen to hold something.
+    Occupied,
+    /// Not seen, or undecided. Evidence for nothing.
+    Unknown,
+}
+
+/// The class of a cell value (percent, -1 unknown).
+#[inline(always)]
+pub fn class_of(value: i8) -> Class {
+    match value {
+        0..=FREE_AT_MOST => Class::Free,
+        OCCUPIED_AT_LEAST..=i8::MAX => Class::Occupied,
+        _ => Class::Unknown,
+    }
+}
+
+/// A 2D occupancy grid, as nav_msgs/OccupancyGrid has it: `cells[row * width + col]`, row 0 at the
+/// lowest y, values -1 (unknown) or 0..=100 (percent); `origin` is the pose of the lower left
+/// corner of cell (0, 0) in the map frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OccupancyGrid {
+    name: String,
+    width: usize,
+    height: usize,
+    resolution: f64,
+    origin: Se2,
+    cells: Vec<i8>,
+}
+
+impl OccupancyGrid {
+    /// Checks and takes the cells. Errors name the field.
+    pub fn new(
+        name: impl Into<String>,
+        width: usize,
+        height: usize,
+        resolution: f64,
+        origin: Se2,
+        cells: Vec<i8>,
+    ) -> Result<Self> {
+        let name = name.into();
+        let fail = |field, problem: String| Err(Error::Grid { map: name.clone(), field, problem });
+        if width == 0 || height == 0 {
+            return fail("size", format!("{width} x {height} cells; a map needs at least one"));
+        }
+        if width.checked_mul(height) != Some(cells.len()) {
+            return fail("cells", format!("{} values for {width} x {height} cells", cells.len()));
+        }
+        if !(resolution.is_finite() && resolution > 0.0) {
+            return fail("resolution", format!("{resolution} m; must be finite and positive"));
+        }
+        if !(origin.x.is_finite() && origin.y.is_finite() && origin.theta.is_finite()) {
+            return fail("origin", "x, y and theta must be finite".into());
+        }
+        if let Some(v) = cells.iter().find(|v| **v < UNKNOWN || **v > 100) {
+            return fail("cells", format!("value {v}; must be -1 or 0..=100"));
+        }
+        Ok(Self { name, width, height, resolution, origin, cells })
+    }
+
+    /// What results call this map.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+    /// Number of rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+    /// Side of a cell, metres.
+    pub fn resolution(&self) -> f64 {
+        self.resolution
+    }
+    /// Pose of the lower left corner of cell (0, 0) in the map frame.
+    pub fn origin(&self) -> Se2 {
+        self.origin
+    }
+    /// The values, row by row from the lowest y.
+    pub fn cells(&self) -> &[i8] {
+        &self.cells
+    }
+    /// Class of the cell.
+    #[inline(always)]
+    pub fn class(&self, row: usize, col: usize) -> Class {
+        class_of(self.cells[row * self.width + col])
+    }
+    /// Class of the cell, Unknown outside the grid.
+    #[inline(always)]
+    pub fn class_or_unknown(&self, row: isize, col: isize) -> Class {
+        if row < 0 || col < 0 || row >= self.height as isize || col >= self.width as isize {
+            Class::Unknown
+        } else {
+            self.class(row as usize, col as usize)
+        }
+    }
+    /// Centre of the cell in map coordinates, metres.
+    pub fn cell_center(&self, row: usize, col: usize) -> Vec2 {
+        self.grid_to_map(col as f64 + 0.5, row as f64 + 0.5)
+    }
+    /// Map coordinates of a point in cells (columns, rows from the corner of cell (0, 0)).
+    pub fn grid_to_map(&self, col: f64, row: f64) -> Vec2 {
+        self.origin.apply(Vec2::new(col * self.resolution, row * self.resolution))
+    }
+    /// The look-up from map coordinates to cells.
+    pub fn locator(&self) -> Locator {
+        self.locator_from(&Se2::IDENTITY)
+    }
+    /// The look-up from another frame's coordinates to cells, `T_map_frame` given.
+    pub fn locator_from(&self, t_map_frame: &Se2) -> Locator {
+        Locator {
+            t_grid_map: self.origin.inverse().compose(t_map_frame).to_rigid(),
+            inv_resolution: 1.0 / self.resolution,
+            width: self.width,
+            height: self.height,
+        }
+    }
+    /// Number of cells of a class.
+    pub fn count(&self, class: Class) -> usize {
+        self.cells.iter().filter(|v| class_of(**v) == class).count()
+    }
+    /// Mean of the centres of the known cells in map coordinates; none for a blank map.
+    pub fn known_center(&self) -> Option<Vec2> {
+        let (mut n, mut sr, mut sc) = (0usize, 0usize, 0usize);
+        for (i, v) in self.cells.iter().enumerate() {
+            if class_of(*v) != Class::Unknown {
+                n += 1;
+                sr += i / self.width;
+                sc += i % self.width;
+            }
+        }
+        (n > 0).then(|| {
+            self.grid_to_map(sc as f64 / n as f64 + 0.5, sr as f64 / n as f64 + 0.5)
+        })
+    }
+}
+
+/// Turns coordinates of a frame into cells of one grid; see [`OccupancyGrid::locator_from`].
+#[derive(Debug, Clone, Copy)]
+pub struct Locator {
+    t_grid_map: Rigid,
+    inv_resolution: f64,
+    width: usize,
+    height: usize,
+}
+
+impl Locator {
+    /// Position in cells, (column, row), not rounded.
+    #[inline(always)]
+    pub fn to_cells(&self, p: Vec2) -> Vec2 {
+        self.t_grid_map.apply(p) * self.inv_resolution
+    }
+    /// A direction of the frame in the grid's own axes.
+    #[inline(always)]
+    pub fn rotate(&self, v: Vec2) -> Vec2 {
+        self.t_grid_map.rotate(v)
+    }
+    /// Index of the cell that holds the point, none outside the grid.
+    #[inline(always)]
+    pub fn index(&self, p: Vec2) -> Option<usize> {
+        let q = self.to_cells(p);
+        // A negative float turns into 0 by `as`, so the sign is asked first.
+        if q.x < 0.0 || q.y < 0.0 {
+            return None;
+        }
+        let (col, row) = (q.x as usize, q.y as usize);
+        (col < self.width && row < self.height).then_some(row * self.width + col)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_and_metres_agree_under_rotation() {
+        let g = OccupancyGrid::new("g", 7, 4, 0.25, Se2::new(3.0, -2.0, 0.7), vec![0; 28]).unwrap();
+        let t = Se2::new(-1.0, 5.0, 2.0);
+        let here = g.locator();
+        let there = g.locator_from(&t);
+        for row in 0..4 {
+            for col in 0..7 {
+                let p = g.cell_center(row, col);
+                assert_eq!(here.index(p), Some(row * 7 + col));
+                assert_eq!(there.index(t.inverse().apply(p)), Some(row * 7 + col));
+            }
+        }
+        assert_eq!(here.index(g.grid_to_map(-0.01, 1.0)), None);
+        assert_eq!(here.index(g.grid_to_map(7.01, 1.0)), None);
+    }
+
+    #[test]
+    fn bad_grids_name_the_field() {
+        let bad = |w, h, r, o: Se2, c: Vec<i8>| OccupancyGrid::new("m", w, h, r, o, c).unwrap_err();
+        assert!(bad(0, 1, 0.1, Se2::IDENTITY, vec![]).to_string().contains("size"));
+        assert!(bad(2, 1, 0.1, Se2::IDENTITY, vec![0]).to_string().contains("cells"));
+        assert!(bad(1, 1, -0.1, Se2::IDENTITY, vec![0]).to_string().contains("resolution"));
+        assert!(bad(1, 1, 0.1, Se2::IDENTITY, vec![101]).to_string().contains("101"));
+        let nan = Se2 { x: f64::NAN, y: 0.0, theta: 0.0 };
+        assert!(bad(1, 1, 0.1, nan, vec![0]).to_string().contains("origin"));
+    }
+}

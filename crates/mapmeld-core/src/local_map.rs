@@ -1,0 +1,192 @@
+//! One robot's map, prepared: everything later stages look up, computed once.
+
+use crate::boundary::{self, BoundaryPoint};
+use crate::config::Config;
+use crate::distance::DistanceTable;
+use crate::grid::{class_of, Class, OccupancyGrid};
+use crate::likelihood_field::{FieldView, LikelihoodField};
+use crate::se2::{Se2, Vec2};
+use crate::structure::{corners, lines, Corner, Line};
+use std::collections::HashMap;
+
+/// A wall point that stands for a stretch of wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WallSample {
+    /// Map coordinates, metres.
+    pub position: Vec2,
+    /// Unit normal into free space.
+    pub normal: Vec2,
+    /// Independent observations that this point stands for when it agrees: a straight wall is one
+    /// piece of evidence, however long.
+    pub weight: f64,
+    /// The same when it contradicts: every metre of wall in free space needs an excuse of its own.
+    pub conflict_weight: f64,
+}
+
+/// Cells of one class, thinned evenly to a largest number.
+#[derive(Debug, Clone)]
+pub struct ClassCells {
+    /// Centres in map coordinates, metres.
+    pub centers: Vec<Vec2>,
+    /// Cells of the class that each centre stands for.
+    pub scale: f64,
+}
+
+/// A local map with its tables (boundary, lines, corners, distances).
+#[derive(Debug, Clone)]
+pub struct LocalMap {
+    /// The map as given.
+    pub grid: OccupancyGrid,
+    /// Oriented wall points.
+    pub boundary: Vec<BoundaryPoint>,
+    /// Lines, longest first.
+    pub lines: Vec<Line>,
+    /// Corners, most visible first.
+    pub corners: Vec<Corner>,
+    /// Wall points at a regular spacing, with the evidence each carries.
+    pub samples: Vec<WallSample>,
+    /// Mean of the known cells' centres; none for a blank map.
+    pub center: Option<Vec2>,
+    /// Squared distance to the nearest occupied cell.
+    pub to_occupied: DistanceTable,
+    /// Squared distance to the nearest free cell.
+    pub to_free: DistanceTable,
+    /// Squared distance out of free space: how deep a cell lies in it.
+    pub depth: DistanceTable,
+    /// Thinned cells that Psi and D are summed over.
+    pub occupied: ClassCells,
+    /// The same, of the free cells.
+    pub free: ClassCells,
+    field: LikelihoodField,
+    reach_cells: usize,
+}
+
+/// Largest number of boundary points that the likelihood field can index.
+const MAX_BOUNDARY: usize = 65_000;
+
+impl LocalMap {
+    /// Prepares a map.
+    pub fn new(grid: OccupancyGrid, config: &Config) -> Self {
+        let mut boundary = boundary::extract(&grid);
+        if boundary.len() > MAX_BOUNDARY {
+            let step = boundary.len().div_ceil(MAX_BOUNDARY);
+            boundary = boundary.into_iter().step_by(step).collect();
+        }
+        let lines = lines::fit(&grid, &boundary, &config.structure);
+        let mut corners = corners::find(&grid, &lines, &config.structure);
+        corners.truncate(config.registration.max_corners);
+        let samples = sample_walls(&grid, &boundary, &lines, config);
+        let reach_cells =
+            ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, 15);
+        let field = LikelihoodField::new(&grid, &boundary, reach_cells);
+        let max_cells = config.perception.max_cells;
+        Self {
+            center: grid.known_center(),
+            to_occupied: DistanceTable::to_class(&grid, Class::Occupied),
+            to_free: DistanceTable::to_class(&grid, Class::Free),
+            depth: DistanceTable::to_other_than(&grid, Class::Free),
+            occupied: class_cells(&grid, Class::Occupied, max_cells),
+            free: class_cells(&grid, Class::Free, max_cells),
+            boundary,
+            lines,
+            corners,
+            samples,
+            field,
+            reach_cells,
+            grid,
+        }
+    }
+
+    /// The likelihood field as seen from another frame.
+    pub fn field_view(&self, t_map_frame: &Se2) -> FieldView<'_> {
+        FieldView::new(&self.grid, &self.field, t_map_frame)
+    }
+
+    /// How far the likelihood field reaches, metres.
+    pub fn reach(&self) -> f64 {
+        self.reach_cells as f64 * self.grid.resolution()
+    }
+
+    /// True when nothing is known: such a map can be placed nowhere.
+    pub fn is_blank(&self) -> bool {
+        self.center.is_none()
+    }
+
+    /// Extent of the known cells, as the sides of the grid, metres.
+    pub fn extent(&self) -> (f64, f64) {
+        let r = self.grid.resolution();
+        (self.grid.width() as f64 * r, self.grid.height() as f64 * r)
+    }
+}
+
+/// All cells of a class, or every k-th so that at most `max` are left.
+pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells {
+    let total = grid.count(class);
+    let w = grid.width();
+    let of_class =
+        grid.cells().iter().enumerate().filter(|(_, v)| class_of(**v) == class).map(|(i, _)| i);
+    // The step is spread so that the first and the last rows weigh alike.
+    let kept = total.min(max);
+    let mut next = 0;
+    let centers: Vec<Vec2> = of_class
+        .enumerate()
+        .filter_map(|(k, i)| {
+            (next < kept && k == next * total / kept).then(|| {
+                next += 1;
+                grid.cell_center(i / w, i % w)
+            })
+        })
+        .collect();
+    let scale = if centers.is_empty() { 0.0 } else { total as f64 / centers.len() as f64 };
+    ClassCells { centers, scale }
+}
+
+/// Thins the boundary to a spacing and shares out the evidence: neighbouring wall points are
+/// correlated, and a straight wall is one piece of evidence that grows only with the logarithm of
+/// its length.
+fn sample_walls(
+    grid: &OccupancyGrid,
+    boundary: &[BoundaryPoint],
+    lines: &[Line],
+    config: &Config,
+) -> Vec<WallSample> {
+    let p = &config.perception;
+    let spacing = p.sample_spacing.max(grid.resolution());
+    let mut line_of = vec![usize::MAX; boundary.len()];
+    for (i, line) in lines.iter().enumerate() {
+        line.points.iter().for_each(|k| line_of[*k as usize] = i);
+    }
+    let to_grid = grid.locator();
+    let per_bucket = spacing / grid.resolution();
+    let mut seen = std::collections::HashSet::new();
+    let mut picked: Vec<usize> = Vec::new();
+    for (k, b) in boundary.iter().enumerate() {
+        let at = to_grid.to_cells(b.position) / per_bucket;
+        let side = crate::likelihood_field::direction(to_grid.rotate(b.normal));
+        if seen.insert((at.x as i64, at.y as i64, side, line_of[k])) {
+            picked.push(k);
+        }
+    }
+    let mut count: HashMap<usize, usize> = HashMap::new();
+    picked.iter().for_each(|k| *count.entry(line_of[*k]).or_default() += 1);
+    picked
+        .iter()
+        .map(|k| {
+            let b = &boundary[*k];
+            let weight = match lines.get(line_of[*k]) {
+                Some(line) => {
+                    let units = line.length() / p.correlation_length;
+                    let units = if units > 1.0 { 1.0 + units.ln() } else { units };
+                    units / count[&line_of[*k]] as f64
+                }
+                None => spacing / p.correlation_length,
+            };
+            WallSample {
+                position: b.position,
+                normal: b.normal,
+                weight,
+                conflict_weight: spacing / p.correlation_length,
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,278 @@
+//! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
+
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::evidence::{self, Hypothesis, Status};
+use crate::filter::{ParticleFilter, Step};
+use crate::fuse::{self, Fused};
+use crate::grid::OccupancyGrid;
+use crate::local_map::LocalMap;
+use crate::parallel;
+use crate::refine;
+use crate::registration::{pair, PairModes};
+use crate::se2::Se2;
+use crate::virtual_robot::{PairTable, VirtualRobot};
+use nalgebra::Matrix3;
+use std::time::Instant;
+
+/// What the caller knows beside the maps.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// The order in which the maps connect (indices; maps left out come after, in any order).
+    pub order: Option<Vec<usize>>,
+    /// The map whose frame is the world.
+    pub reference: Option<usize>,
+}
+
+/// Where a map ended up.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    /// Component, from 0 (the largest); none for a blank map.
+    pub component: Option<usize>,
+    /// `T_component_map`; none for a blank map.
+    pub t_component_map: Option<Se2>,
+    /// Covariance of the pose relative to the component's reference map.
+    pub covariance: Matrix3<f64>,
+    /// In what standing.
+    pub status: Status,
+    /// Probability that the map lies where `t_component_map` says, given the hypotheses.
+    pub probability: f64,
+}
+
+/// The trajectory of the virtual robot through one component, and how the filter fared.
+#[derive(Debug, Clone)]
+pub struct Component {
+    /// The map whose frame is the component's.
+    pub reference: usize,
+    /// Maps in the order in which the most probable particles merged them.
+    pub order: Vec<usize>,
+    /// The filter's steps.
+    pub steps: Vec<Step>,
+    /// Root mean square of the walls' residuals after the joint refinement, metres.
+    pub rms: Option<f64>,
+    /// The merged map.
+    pub fused: Fused,
+}
+
+/// All that a merge found.
+#[derive(Debug, Clone)]
+pub struct Merge {
+    /// One a map, in the order given.
+    pub placements: Vec<Placement>,
+    /// Components, those of most maps first.
+    pub components: Vec<Component>,
+    /// Whole worlds that fit, most probable first.
+    pub hypotheses: Vec<Hypothesis>,
+    /// Registration of every pair.
+    pub pairs: Vec<PairModes>,
+    /// Seconds by stage.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Stages of a merge, as an observer hears of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Classes, boundary, lines, corners and tables of each map.
+    Prepare,
+    /// Registration of each pair.
+    Register,
+    /// Steps of the filter.
+    Filter,
+    /// Joint refinement and fusion of each component.
+    Refine,
+}
+
+impl Stage {
+    /// Name in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Prepare => "prepare",
+            Stage::Register => "register",
+            Stage::Filter => "filter",
+            Stage::Refine => "refine",
+        }
+    }
+}
+
+/// Hears (stage, done, total) and answers whether to go on.
+pub type Observer<'a> = &'a (dyn Fn(Stage, usize, usize) -> bool + Sync);
+
+/// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
+/// the number of threads.
+pub fn merge(
+    grids: Vec<OccupancyGrid>,
+    known: &Known,
+    config: &Config,
+    observer: Observer,
+) -> Result<Merge> {
+    config.validate()?;
+    check_known(known, grids.len())?;
+    parallel::with_threads(config.threads, || run(grids, known, config, observer))?
+}
+
+fn run(
+    grids: Vec<OccupancyGrid>,
+    known: &Known,
+    config: &Config,
+    observer: Observer,
+) -> Result<Merge> {
+    let mut clock = Clock::new();
+
+    // Section 5: data points, lines, corners.
+    let maps = observed(&grids, Stage::Prepare, observer, |g| LocalMap::new(g.clone(), config))?;
+    clock.lap("prepare");
+
+    // Section 3: the possible motions u_t of every pair, once for all particles.
+    let n = maps.len();
+    let todo: Vec<(usize, usize)> =
+        (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
+    let found = observed(&todo, Stage::Register, observer, |(a, b)| {
+        pair::register(&maps[*a], &maps[*b], *a, *b, config)
+    })?;
+    let pairs = PairTable::new(n, found);
+    clock.lap("register");
+
+    // Section 2: the virtual robot travels through each component.
+    let mut open: Vec<bool> = maps.iter().map(|m| !m.is_blank()).collect();
+    let mut travelled = Vec::new();
+    while let Some(reference) = choose_reference(&pairs, &open, known) {
+        let robot = VirtualRobot {
+            maps: &maps,
+            pairs: &pairs,
+            open: &open,
+            order: known.order.as_deref(),
+            config,
+        };
+        let f = &config.filter;
+        let seed = config.seed.wrapping_add(travelled.len() as u64);
+        let mut filter =
+            ParticleFilter::new(robot.start(reference), f.particles, f.resample_below, seed);
+        let mut steps = Vec::new();
+        loop {
+            observe(observer, Stage::Filter, n - open.iter().filter(|o| **o).count() + steps.len(), n)?;
+            // Section 4 weighs the poses inside the step.
+            let step = filter.step(&robot);
+            if step.advanced == 0 {
+                break;
+            }
+            steps.push(step);
+        }
+        let worlds = evidence::worlds(&maps, filter.particles());
+        worlds[0].poses.iter().for_each(|(m, _)| open[*m] = false);
+        travelled.push((reference, worlds, steps));
+    }
+    clock.lap("filter");
+
+    // Past the paper: one joint refinement of all poses, then fusion.
+    travelled.sort_by_key(|(_, worlds, _)| std::cmp::Reverse(worlds[0].poses.len()));
+    let mut placements = evidence::placements(&maps, &travelled, config);
+    let mut components = Vec::new();
+    for (k, (reference, worlds, steps)) in travelled.iter().enumerate() {
+        observe(observer, Stage::Refine, k, travelled.len())?;
+        let order: Vec<usize> = worlds[0].poses.iter().map(|(m, _)| *m).collect();
+        let poses: Vec<Se2> = worlds[0].poses.iter().map(|(_, t)| *t).collect();
+        // The reference comes first and stays at the component's origin.
+        let refined = refine::refine(&maps, &order, &poses, 0, config);
+        for (i, map) in order.iter().enumerate() {
+            placements[*map].t_component_map = Some(refined.poses[i]);
+            placements[*map].covariance = refined.covariances[i];
+        }
+        let placed: Vec<(&OccupancyGrid, Se2)> =
+            order.iter().zip(&refined.poses).map(|(m, t)| (&maps[*m].grid, *t)).collect();
+        let fused = fuse::fuse("merged", &placed, &config.fuse)?;
+        let (reference, steps, rms) = (*reference, steps.clone(), refined.rms);
+        components.push(Component { reference, order, steps, rms, fused });
+    }
+    clock.lap("refine");
+
+    let hypotheses = evidence::hypotheses(&travelled);
+    Ok(Merge { placements, components, hypotheses, pairs: pairs.into_pairs(), seconds: clock.laps })
+}
+
+/// The reference of the next component: the one that is named, the first of the known order, or the
+/// map with the most evidence in common with other open maps. None when no map is open.
+fn choose_reference(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize> {
+    let is_open = |m: &usize| open[*m];
+    let named = known.reference.filter(is_open);
+    let first = || known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
+    let connected = |a: usize| -> f64 {
+        (0..open.len())
+            .filter(|b| open[*b] && *b != a)
+            .filter_map(|b| pairs.best(a, b))
+            .map(|l| l.max(0.0))
+            .sum()
+    };
+    let strongest = || {
+        (0..open.len())
+            .filter(is_open)
+            .map(|a| (a, connected(a)))
+            // The first of equals, so that the answer does not hang on the sort.
+            .reduce(|x, y| if y.1 > x.1 { y } else { x })
+            .map(|(a, _)| a)
+    };
+    named.or_else(first).or_else(strongest)
+}
+
+fn check_known(known: &Known, n: usize) -> Result<()> {
+    let fail = |key: &str, problem: String| Err(Error::Config { key: key.into(), problem });
+    if let Some(r) = known.reference.filter(|r| *r >= n) {
+        return fail("reference", format!("index {r} of {n} maps"));
+    }
+    if let Some(order) = &known.order {
+        let mut seen = vec![false; n];
+        for m in order {
+            if *m >= n {
+                return fail("order", format!("index {m} of {n} maps"));
+            }
+            if std::mem::replace(&mut seen[*m], true) {
+                return fail("order", format!("names map {m} twice"));
+            }
+        }
+        if let (Some(reference), Some(first)) = (known.reference, order.first()) {
+            if reference != *first {
+                return fail("order", "must begin with the reference map".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn observe(observer: Observer, stage: Stage, done: usize, total: usize) -> Result<()> {
+    if observer(stage, done, total) {
+        Ok(())
+    } else {
+        Err(Error::Interrupted)
+    }
+}
+
+/// `f` of every item in parallel, in batches between which the observer is asked.
+fn observed<T: Sync, R: Send>(
+    items: &[T],
+    stage: Stage,
+    observer: Observer,
+    f: impl Fn(&T) -> R + Sync + Send,
+) -> Result<Vec<R>> {
+    let batch = 2 * rayon::current_num_threads();
+    let mut out = Vec::with_capacity(items.len());
+    observe(observer, stage, 0, items.len())?;
+    for chunk in items.chunks(batch) {
+        out.extend(parallel::map(chunk, &f));
+        observe(observer, stage, out.len(), items.len())?;
+    }
+    Ok(out)
+}
+
+struct Clock {
+    last: Instant,
+    laps: Vec<(&'static str, f64)>,
+}
+
+impl Clock {
+    fn new() -> Self {
+        Self { last: Instant::now(), laps: Vec::new() }
+    }
+    fn lap(&mut self, name: &'static str) {
+        self.laps.push((name, self.last.elapsed().as_secs_f64()));
+        self.last = Instant::now();
+    }
+}

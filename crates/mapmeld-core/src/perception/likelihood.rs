@@ -1,0 +1,264 @@
+//! The absolute likelihood of a pose: oriented walls against the null hypothesis.
+//!
+//! Psi~ * gamma~ ranks poses and cannot say that two maps do not overlap. This model can: it is
+//! `log p(walls | this pose) - log p(walls | unrelated maps)`. A wall sample of one map that the
+//! other map shows in the same place, facing the same way, speaks for the pose; one that lies in the
+//! other's clear free space, or on a wall that faces the other way, speaks against it; one in unknown
+//! space says nothing. Samples are weighted so that a straight wall is one piece of evidence and
+//! neighbours count once ([`crate::local_map::WallSample::weight`]).
+
+use crate::config::PerceptionConfig;
+use crate::distance::MAX_SQUARED;
+use crate::grid::{class_of, Class};
+use crate::local_map::{LocalMap, WallSample};
+use crate::perception::overlay::Overlay;
+use crate::se2::{Se2, Vec2};
+
+/// What the walls say about a pose. Weights count independent observations, summed over both
+/// directions and halved.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct WallEvidence {
+    /// Log-likelihood ratio against unrelated maps, nats.
+    pub log_likelihood: f64,
+    /// Observations whose wall is where it should be.
+    pub hits: f64,
+    /// Observations without a wall nearby.
+    pub misses: f64,
+    /// Observations on a wall that faces the other way.
+    pub opposed: f64,
+    /// Observations in clear free space.
+    pub conflicts: f64,
+    /// Length of the walls found where they should be, metres.
+    pub shared_length: f64,
+    /// Sum of `w n n^T` over the hits, as (xx, xy, yy), in the other map's frame: its smaller
+    /// eigenvalue is what is left when the walls of the main direction are taken away.
+    pub directions: [f64; 3],
+}
+
+impl WallEvidence {
+    fn add(&mut self, other: &WallEvidence, share: f64) {
+        self.log_likelihood += share * other.log_likelihood;
+        self.hits += share * other.hits;
+        self.misses += share * other.misses;
+        self.opposed += share * other.opposed;
+        self.conflicts += share * other.conflicts;
+        self.shared_length += share * other.shared_length;
+        for k in 0..3 {
+            self.directions[k] += share * other.directions[k];
+        }
+    }
+
+    /// Share of the observations made in known space that agree, in [0, 1].
+    pub fn agreement(&self) -> f64 {
+        let seen = self.hits + self.misses + self.opposed + self.conflicts;
+        if seen > 0.0 {
+            self.hits / seen
+        } else {
+            0.0
+        }
+    }
+
+    /// Evidence in the second direction: the smaller eigenvalue of [`WallEvidence::directions`].
+    pub fn second_direction(&self) -> f64 {
+        let [xx, xy, yy] = self.directions;
+        0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt()).max(0.0)
+    }
+}
+
+/// How one observation fell out.
+#[derive(Clone, Copy)]
+enum Outcome {
+    Hit(f64),
+    Miss,
+    Opposed,
+    /// With its share of a full conflict.
+    Conflict(f64),
+    Unknown,
+}
+
+/// One map that samples of another frame are looked up in.
+struct Target<'a> {
+    map: &'a LocalMap,
+    view: crate::likelihood_field::FieldView<'a>,
+    t_map_frame: crate::se2::Rigid,
+    inv_two_sigma_squared: f64,
+    hit_radius: f64,
+    /// Share of a full conflict by squared distance out of free space.
+    conflict: [f64; 256],
+    slack: f64,
+    config: &'a PerceptionConfig,
+}
+
+impl<'a> Target<'a> {
+    fn new(map: &'a LocalMap, t_map_frame: &Se2, config: &'a PerceptionConfig) -> Self {
+        let resolution = map.grid.resolution();
+        let sigma = config.wall_sigma.max(resolution);
+        let depth = (config.conflict_depth / resolution).max(3.0);
+        let full = (config.full_conflict_depth / resolution).clamp(depth, 15.9);
+        let conflict = std::array::from_fn(|squared| {
+            let d = (squared as f64).sqrt();
+            if d < depth {
+                0.0
+            } else {
+                (d / full).min(1.0)
+            }
+        });
+        Self {
+            map,
+            view: map.field_view(t_map_frame),
+            t_map_frame: t_map_frame.to_rigid(),
+            inv_two_sigma_squared: 0.5 / (sigma * sigma),
+            // Where the Gaussian has fallen to the level of a miss.
+            hit_radius: sigma * (2.0 * (config.hit - config.miss)).max(0.0).sqrt(),
+            conflict,
+            slack: resolution,
+            config,
+        }
+    }
+
+    #[inline(always)]
+    fn observe(&self, position: Vec2, normal: Vec2) -> Outcome {
+        let Some(cell) = self.view.cell(position) else { return Outcome::Unknown };
+        let p = self.t_map_frame.apply(position);
+        if let Some(k) = self.view.nearest(cell, normal) {
+            let r2 = self.residual_squared(p, k);
+            if r2 <= self.hit_radius * self.hit_radius {
+                return Outcome::Hit(self.config.hit - r2 * self.inv_two_sigma_squared);
+            }
+        }
+        if let Some(k) = self.view.nearest(cell, -normal) {
+            if self.residual_squared(p, k) <= 0.25 * self.hit_radius * self.hit_radius {
+                return Outcome::Opposed;
+            }
+        }
+        match class_of(self.map.grid.cells()[cell]) {
+            Class::Unknown => Outcome::Unknown,
+            Class::Free => match self.conflict[self.map.depth.squared(cell) as usize] {
+                0.0 => Outcome::Miss,
+                share => Outcome::Conflict(share),
+            },
+            Class::Occupied => Outcome::Miss,
+        }
+    }
+
+    /// Squared distance to a wall point; a cell's length along the wall costs nothing.
+    #[inline(always)]
+    fn residual_squared(&self, p: Vec2, k: usize) -> f64 {
+        let b = &self.map.boundary[k];
+        let d = p - b.position;
+        let across = d.dot(&b.normal);
+        let along = (d.x * b.normal.y - d.y * b.normal.x).abs() - self.slack;
+        across * across + along.max(0.0).powi(2)
+    }
+}
+
+/// Sums the outcomes of samples against targets; where several targets see a sample, each has its
+/// share of the word.
+fn tally<'s>(
+    samples: impl Iterator<Item = &'s WallSample>,
+    targets: &[Target],
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    let mut sum = WallEvidence::default();
+    let mut outcomes: Vec<Outcome> = Vec::with_capacity(targets.len());
+    for s in samples {
+        outcomes.clear();
+        outcomes.extend(
+            targets
+                .iter()
+                .map(|t| t.observe(s.position, s.normal))
+                .filter(|o| !matches!(o, Outcome::Unknown)),
+        );
+        let w = s.weight / outcomes.len().max(1) as f64;
+        let n = s.normal;
+        for o in &outcomes {
+            match *o {
+                Outcome::Hit(value) => {
+                    sum.log_likelihood += w * value;
+                    sum.hits += w;
+                    sum.shared_length += config.sample_spacing / outcomes.len() as f64;
+                    sum.directions[0] += w * n.x * n.x;
+                    sum.directions[1] += w * n.x * n.y;
+                    sum.directions[2] += w * n.y * n.y;
+                }
+                Outcome::Miss => {
+                    sum.log_likelihood += w * config.miss;
+                    sum.misses += w;
+                }
+                Outcome::Opposed => {
+                    sum.log_likelihood += w * config.opposed;
+                    sum.opposed += w;
+                }
+                Outcome::Conflict(share) => {
+                    let w = share * s.conflict_weight / outcomes.len() as f64;
+                    sum.log_likelihood += w * config.conflict;
+                    sum.conflicts += w;
+                }
+                Outcome::Unknown => {}
+            }
+        }
+    }
+    sum
+}
+
+/// Evidence of a pair of maps for `T_a_b`, from every `stride`-th sample.
+pub fn pair(
+    a: &LocalMap,
+    b: &LocalMap,
+    t_a_b: &Se2,
+    stride: usize,
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    let mut sum = WallEvidence::default();
+    let half = 0.5 * stride as f64;
+    let in_a = [Target::new(a, t_a_b, config)];
+    sum.add(&tally(b.samples.iter().step_by(stride), &in_a, config), half);
+    let in_b = [Target::new(b, &t_a_b.inverse(), config)];
+    sum.add(&tally(a.samples.iter().step_by(stride), &in_b, config), half);
+    sum
+}
+
+/// A quick look at an unrefined `T_a_b` with every `stride`-th sample of b: like-oriented walls within
+/// the field's reach, less walls that lie deeper than that in free space. Ranks, and means nothing
+/// else.
+pub fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, stride: usize) -> f64 {
+    let t = t_a_b.to_rigid();
+    let view = a.field_view(t_a_b);
+    let inv_sigma_squared = (2.0 / a.reach()).powi(2);
+    let deep = (a.reach() / a.grid.resolution()).powi(2).min(f64::from(MAX_SQUARED)) as u8;
+    let mut score = 0.0;
+    for s in b.samples.iter().step_by(stride) {
+        let Some(cell) = view.cell(s.position) else { continue };
+        if let Some(k) = view.nearest(cell, s.normal) {
+            let r2 = (t.apply(s.position) - a.boundary[k].position).norm_squared();
+            score += s.weight * (-0.5 * r2 * inv_sigma_squared).exp();
+        } else if a.depth.squared(cell) >= deep {
+            score -= s.conflict_weight;
+        }
+    }
+    score
+}
+
+/// Evidence of a local map against a merged map (paper, section 2: z_t given m_{t-1}).
+pub fn against(
+    maps: &[LocalMap],
+    merged: &Overlay,
+    map: usize,
+    t_world_map: &Se2,
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    let local = &maps[map];
+    let targets: Vec<Target> = merged
+        .layers()
+        .map(|l| Target::new(&maps[l.map], &l.t_world_map.between(t_world_map), config))
+        .collect();
+    let mut sum = WallEvidence::default();
+    sum.add(&tally(local.samples.iter(), &targets, config), 0.5);
+    for l in merged.layers() {
+        let layer = &maps[l.map];
+        let target = [Target::new(local, &t_world_map.between(&l.t_world_map), config)];
+        let new = l.new_samples.iter().map(|k| &layer.samples[*k as usize]);
+        sum.add(&tally(new, &target, config), 0.5);
+    }
+    sum
+}

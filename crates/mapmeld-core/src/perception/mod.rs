@@ -1,0 +1,10 @@
+//! The perception model (paper, section 4) and the absolute likelihood that goes past it.
+
+pub mod gamma;
+pub mod likelihood;
+pub mod overlay;
+pub mod pool;
+pub mod psi;
+
+pub use likelihood::WallEvidence;
+pub use overlay::{Layer, Overlay};

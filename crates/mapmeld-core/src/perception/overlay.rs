@@ -1,0 +1,100 @@
+//! The merged map m_t as the filter carries it: placed local maps, shared between particles.
+//!
+//! A particle's map is the list of the maps placed so far. Successors share their ancestors' part
+//! (an ancestry tree), so folding a map in copies nothing. Its cells of a class are the union of the
+//! placed maps' cells of that class; each layer keeps which of its own cells are new.
+
+use crate::grid::Locator;
+use crate::local_map::LocalMap;
+use crate::se2::{Se2, Vec2};
+use std::sync::Arc;
+
+/// One placed map and what lies below it.
+#[derive(Debug)]
+pub struct Layer {
+    /// Index of the local map.
+    pub map: usize,
+    /// Its pose: the virtual robot's x_t.
+    pub t_world_map: Se2,
+    /// Occupied cells that no layer below has, world coordinates.
+    pub new_occupied: Vec<Vec2>,
+    /// Free cells that no layer below has, world coordinates.
+    pub new_free: Vec<Vec2>,
+    /// Indices of the map's wall samples that no layer below shows.
+    pub new_samples: Vec<u32>,
+    below: Overlay,
+}
+
+/// A merged map: the empty one, or a layer on top of another merged map. Cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub struct Overlay(Option<Arc<Layer>>);
+
+impl Overlay {
+    /// The layers, last placed first.
+    pub fn layers(&self) -> impl Iterator<Item = &Layer> {
+        std::iter::successors(self.0.as_deref(), |layer| layer.below.0.as_deref())
+    }
+
+    /// True when both are the same merged map, by identity.
+    pub fn is_same(&self, other: &Overlay) -> bool {
+        match (&self.0, &other.0) {
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            (None, None) => true,
+            _ => false,
+        }
+    }
+
+    /// Folds a local map in at a pose. With `cells` the new cells of each class are worked out
+    /// (Psi and gamma need them), with `samples` the new wall samples.
+    pub fn with(
+        &self,
+        maps: &[LocalMap],
+        map: usize,
+        t_world_map: Se2,
+        cells: bool,
+        samples: bool,
+    ) -> Overlay {
+        let m = &maps[map];
+        let below: Vec<(&LocalMap, Locator)> = self
+            .layers()
+            .map(|l| {
+                let below = &maps[l.map];
+                (below, below.grid.locator_from(&l.t_world_map.inverse()))
+            })
+            .collect();
+        let new_cells = |centers: &[Vec2], occupied: bool| -> Vec<Vec2> {
+            if !cells {
+                return Vec::new();
+            }
+            let is_there = |p: &Vec2| {
+                below.iter().any(|(b, at)| {
+                    let table = if occupied { &b.to_occupied } else { &b.to_free };
+                    at.index(*p).is_some_and(|k| table.squared(k) == 0)
+                })
+            };
+            centers.iter().map(|c| t_world_map.apply(*c)).filter(|p| !is_there(p)).collect()
+        };
+        let new_samples = if samples {
+            let views: Vec<_> = self
+                .layers()
+                .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
+                .collect();
+            let is_there = |s: &crate::local_map::WallSample| {
+                views.iter().any(|v| {
+                    v.cell(s.position).is_some_and(|c| v.nearest(c, s.normal).is_some())
+                })
+            };
+            (0..m.samples.len() as u32).filter(|k| !is_there(&m.samples[*k as usize])).collect()
+        } else {
+            Vec::new()
+        };
+        Overlay(Some(Arc::new(Layer {
+            map,
+            t_world_map,
+            new_occupied: new_cells(&m.occupied.centers, true),
+            new_free: new_cells(&m.free.centers, false),
+            new_samples,
+            below: self.clone(),
+        })))
+    }
+}

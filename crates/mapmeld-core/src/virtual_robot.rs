@@ -1,0 +1,257 @@
+//! The virtual robot (paper, section 2): map merging as the particle filter's model.
+//!
+//! At step t the robot stands at the origin of local map phi_t: its pose x_t is `T_world_map` of that
+//! map, the local map is its sensor reading z_t, and its odometry u_t comes from registering similar
+//! structures. The state is the trajectory, which holds the merge order, and the merged map.
+
+use crate::config::{Config, PerceptionModel};
+use crate::filter::{LogWeight, Model, Stream};
+use crate::local_map::LocalMap;
+use crate::perception::psi::Comparison;
+use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
+use crate::registration::pair::{inverse, log_gaussian_mass, log_search_volume};
+use crate::registration::PairModes;
+use crate::se2::Se2;
+use nalgebra::{Matrix3, Vector3};
+use rand_distr::{Distribution, StandardNormal};
+
+/// Poses closer than this (metres at the map's centre, radians) tell the same story.
+pub const SAME_WORLD: (f64, f64) = (0.5, 0.0873);
+
+/// The modes of all pairs, found by either order of their maps.
+#[derive(Debug, Clone)]
+pub struct PairTable {
+    n: usize,
+    pairs: Vec<PairModes>,
+    /// Index into `pairs` of every ordered pair, `a * n + b`.
+    at: Vec<Option<u32>>,
+}
+
+impl PairTable {
+    /// From the registered pairs of `n` maps, each with `a < b`.
+    pub fn new(n: usize, pairs: Vec<PairModes>) -> Self {
+        let mut at = vec![None; n * n];
+        for (k, p) in pairs.iter().enumerate() {
+            at[p.a * n + p.b] = Some(k as u32);
+        }
+        Self { n, pairs, at }
+    }
+
+    /// All pairs.
+    pub fn pairs(&self) -> &[PairModes] {
+        &self.pairs
+    }
+
+    /// Takes the pairs out.
+    pub fn into_pairs(self) -> Vec<PairModes> {
+        self.pairs
+    }
+
+    /// Modes of `T_a_b`: transform, covariance, log-likelihood. Most likely first.
+    pub fn modes(&self, a: usize, b: usize) -> Vec<(Se2, Matrix3<f64>, f64)> {
+        let (lo, hi) = (a.min(b), a.max(b));
+        let Some(k) = self.at[lo * self.n + hi] else { return Vec::new() };
+        let modes = self.pairs[k as usize].modes.iter();
+        modes
+            .map(|m| {
+                let (t, covariance) =
+                    if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
+                (t, covariance, m.evidence.log_likelihood)
+            })
+            .collect()
+    }
+
+    /// Log-likelihood of the best mode of a pair; none without a mode.
+    pub fn best(&self, a: usize, b: usize) -> Option<f64> {
+        let k = self.at[a.min(b) * self.n + a.max(b)]?;
+        self.pairs[k as usize].modes.first().map(|m| m.evidence.log_likelihood)
+    }
+}
+
+/// A possible next pose of the virtual robot.
+#[derive(Debug, Clone)]
+pub struct NextPose {
+    /// The map that is read there: phi_t.
+    pub map: usize,
+    /// Mean of the mode: x_t.
+    pub t_world_map: Se2,
+    /// Its covariance.
+    pub covariance: Matrix3<f64>,
+    /// What the walls say of the map against all merged so far.
+    pub evidence: WallEvidence,
+    /// Log of the likelihood ratio's mass, over the search volume.
+    pub log_odds: f64,
+    psi: f64,
+    gamma: f64,
+}
+
+/// The filter's model for maps.
+pub struct VirtualRobot<'a> {
+    /// The local maps: the sensor readings.
+    pub maps: &'a [LocalMap],
+    /// Registration of all pairs: the odometry.
+    pub pairs: &'a PairTable,
+    /// Maps that may be visited: not blank, not in another component.
+    pub open: &'a [bool],
+    /// The merge order, when it is known.
+    pub order: Option<&'a [usize]>,
+    /// Options.
+    pub config: &'a Config,
+}
+
+impl VirtualRobot<'_> {
+    /// The state at the start: the reference map at the world's origin.
+    pub fn start(&self, reference: usize) -> Overlay {
+        self.fold(&Overlay::default(), reference, Se2::IDENTITY)
+    }
+
+    fn fold(&self, merged: &Overlay, map: usize, t_world_map: Se2) -> Overlay {
+        let cells = self.config.perception.model == PerceptionModel::PsiGamma;
+        merged.with(self.maps, map, t_world_map, cells, true)
+    }
+
+    /// Motion model (paper, section 3): where the placed maps say that `map` lies. Modes of several
+    /// placed maps that agree are one, and support each other.
+    fn motions(&self, placed: &[(usize, Se2)], map: usize) -> Vec<(f64, Se2, Matrix3<f64>)> {
+        let center = self.maps[map].center.unwrap_or_default();
+        let mut found: Vec<(f64, Se2, Matrix3<f64>)> = Vec::new();
+        for (i, x_i) in placed {
+            for (t, covariance, log_likelihood) in self.pairs.modes(*i, map) {
+                found.push((log_likelihood, x_i.compose(&t), x_i.transport_covariance(&covariance)));
+            }
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut kept: Vec<(f64, Se2, Matrix3<f64>)> = Vec::new();
+        for (support, x, covariance) in found {
+            let same = |k: &&mut (f64, Se2, Matrix3<f64>)| {
+                k.1.is_close_at(&x, center, SAME_WORLD.0, SAME_WORLD.1)
+            };
+            match kept.iter_mut().find(same) {
+                Some(k) => k.0 += support.max(0.0),
+                None => kept.push((support, x, covariance)),
+            }
+        }
+        kept.sort_by(|a, b| b.0.total_cmp(&a.0));
+        kept.truncate(self.config.filter.candidates_per_map);
+        kept
+    }
+
+    /// Perception model (paper, section 4) of one pose; none when the evidence does not carry a merge.
+    fn perceive(
+        &self,
+        merged: &Overlay,
+        map: usize,
+        (_, x, covariance): (f64, Se2, Matrix3<f64>),
+    ) -> Option<NextPose> {
+        let p = &self.config.perception;
+        let evidence = likelihood::against(self.maps, merged, map, &x, p);
+        let anchor = merged.layers().last().expect("a merged map holds its reference").map;
+        let log_volume = log_search_volume(&self.maps[anchor], &self.maps[map]);
+        let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;
+        if log_odds < self.config.evidence.min_log_odds {
+            return None;
+        }
+        let (psi, gamma) = match p.model {
+            PerceptionModel::OrientedWalls => (0.0, 0.0),
+            PerceptionModel::PsiGamma => {
+                let c = Comparison::new(self.maps, merged, &self.maps[map], x, p.sigma_cells);
+                (psi::psi(&c, p.classes), gamma::gamma(&c))
+            }
+        };
+        Some(NextPose { map, t_world_map: x, covariance, evidence, log_odds, psi, gamma })
+    }
+}
+
+impl Model for VirtualRobot<'_> {
+    type State = Overlay;
+    type Mode = NextPose;
+
+    fn propose(&self, merged: &Overlay) -> Vec<NextPose> {
+        let placed: Vec<(usize, Se2)> =
+            merged.layers().map(|l| (l.map, l.t_world_map)).collect();
+        let is_open = |m: &usize| self.open[*m] && !placed.iter().any(|(i, _)| i == m);
+        let of_map = |map: usize, motions: Vec<(f64, Se2, Matrix3<f64>)>| -> Vec<NextPose> {
+            motions.into_iter().filter_map(|m| self.perceive(merged, map, m)).collect()
+        };
+        if let Some(order) = self.order {
+            // Known order: the next map that can be placed; those that cannot yet are deferred.
+            let next = order.iter().filter(|m| is_open(m));
+            return next
+                .map(|m| of_map(*m, self.motions(&placed, *m)))
+                .find(|modes| !modes.is_empty())
+                .unwrap_or_default();
+        }
+        // Unknown order: every open map is a candidate, the best supported are weighed.
+        let mut by_map: Vec<(usize, Vec<_>)> = (0..self.maps.len())
+            .filter(is_open)
+            .map(|m| (m, self.motions(&placed, m)))
+            .filter(|(_, motions)| !motions.is_empty())
+            .collect();
+        by_map.sort_by(|a, b| b.1[0].0.total_cmp(&a.1[0].0));
+        let mut modes = Vec::new();
+        let mut maps_found = 0;
+        for (map, motions) in by_map {
+            let found = of_map(map, motions);
+            maps_found += usize::from(!found.is_empty());
+            modes.extend(found);
+            if maps_found == self.config.filter.maps_per_step {
+                break;
+            }
+        }
+        modes
+    }
+
+    fn log_masses(&self, pool: &[&[NextPose]]) -> Vec<Vec<LogWeight>> {
+        match self.config.perception.model {
+            PerceptionModel::OrientedWalls => pool
+                .iter()
+                .map(|modes| modes.iter().map(|m| LogWeight(m.log_odds)).collect())
+                .collect(),
+            PerceptionModel::PsiGamma => {
+                // p(z_t | m_t-1, x_j) proportional to Psi~_j gamma~_j over the pool of all particles.
+                let all = || pool.iter().flat_map(|modes| modes.iter());
+                let psi: Vec<f64> = all().map(|m| m.psi).collect();
+                let gamma: Vec<f64> = all().map(|m| m.gamma).collect();
+                let floor = self.config.perception.gamma_floor;
+                let mut product = pool::normalise(&psi, &gamma, floor).product.into_iter();
+                let mut take = |modes: &&[NextPose]| {
+                    product.by_ref().take(modes.len()).map(|p| LogWeight(p.ln())).collect()
+                };
+                pool.iter().map(&mut take).collect()
+            }
+        }
+    }
+
+    fn log_mass_of_staying(&self, masses: &[Vec<LogWeight>]) -> LogWeight {
+        match self.config.perception.model {
+            // The null hypothesis: the map is unrelated, the ratio is one.
+            PerceptionModel::OrientedWalls => LogWeight::ONE,
+            // Relative weights know no null: staying is worth as little as the worst pose.
+            PerceptionModel::PsiGamma => masses
+                .iter()
+                .flatten()
+                .copied()
+                .filter(|w| !w.is_zero())
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .unwrap_or(LogWeight::ONE),
+        }
+    }
+
+    fn advance(&self, merged: &Overlay, mode: &NextPose, rng: &mut Stream) -> Overlay {
+        let noise = Vector3::from_fn(|_, _| StandardNormal.sample(rng));
+        // The Gaussian is an approximation near its mode: it says nothing of places farther off than
+        // the walls' own noise, which matters along a corridor that fixes one axis only.
+        let sigma = self.config.perception.wall_sigma;
+        let near = Matrix3::from_diagonal(&Vector3::new(sigma, sigma, 0.02).map(|s| 1.0 / (s * s)));
+        let information = mode.covariance.try_inverse().unwrap_or_else(Matrix3::zeros) + near;
+        let spread = information
+            .try_inverse()
+            .and_then(|c| c.cholesky())
+            .map_or_else(Matrix3::zeros, |c| c.l());
+        self.fold(merged, mode.map, mode.t_world_map.perturbed(&(spread * noise)))
+    }
+
+    fn is_same(&self, a: &Overlay, b: &Overlay) -> bool {
+        a.is_same(b)
+    }
+}

@@ -1,0 +1,51 @@
+//! Between the core's types and Python's.
+
+use mapmeld_core::config::Config;
+use mapmeld_core::error::Error;
+use mapmeld_core::se2::{Se2, Vec2};
+use nalgebra::Matrix3;
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+
+/// The one place where a core error becomes a Python exception.
+pub fn to_py_err(error: Error) -> PyErr {
+    let class = match error {
+        Error::Interrupted => return PyKeyboardInterrupt::new_err(()),
+        Error::Config { .. } => "ConfigError",
+        Error::Grid { .. } => "MapmeldError",
+    };
+    Python::attach(|py| {
+        let raise = || -> PyResult<PyErr> {
+            let class = py.import("mapmeld.errors")?.getattr(class)?;
+            Ok(PyErr::from_value(class.call1((error.to_string(),))?))
+        };
+        raise().unwrap_or_else(|e| e)
+    })
+}
+
+pub fn config(json: &str) -> PyResult<Config> {
+    Config::from_json(json).map_err(to_py_err)
+}
+
+pub fn pose(v: [f64; 3]) -> Se2 {
+    Se2::from(v)
+}
+
+pub fn points<'py>(
+    py: Python<'py>,
+    points: impl Iterator<Item = Vec2>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    rows(py, 2, points.flat_map(|p| [p.x, p.y]).collect())
+}
+
+/// An array of shape (len / columns, columns).
+pub fn rows(py: Python<'_>, columns: usize, flat: Vec<f64>) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    use numpy::PyArrayMethods;
+    let n = flat.len() / columns;
+    PyArray1::from_vec(py, flat).reshape([n, columns])
+}
+
+pub fn matrix(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))
+}

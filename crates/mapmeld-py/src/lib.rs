@@ -1,0 +1,20 @@
+//! Python bindings: convert, call, map errors. No algorithm lives here.
+
+mod convert;
+mod local_map;
+mod merge;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add_class::<local_map::LocalMap>()?;
+    m.add_function(wrap_pyfunction!(local_map::default_config, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::effective_config, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::register, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::perceive, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::candidates, m)?)?;
+    m.add_function(wrap_pyfunction!(merge::merge, m)?)?;
+    Ok(())
+}

@@ -1,0 +1,160 @@
+//! Prepared maps and what can be asked of one or two of them.
+
+use crate::convert;
+use mapmeld_core as core;
+use mapmeld_core::config::Config;
+use mapmeld_core::grid::OccupancyGrid;
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// All options with their defaults, as JSON.
+#[pyfunction]
+pub fn default_config() -> String {
+    Config::default().to_json()
+}
+
+/// All options as JSON: those given, and the defaults for the rest.
+#[pyfunction]
+pub fn effective_config(config: &str) -> PyResult<String> {
+    Ok(convert::config(config)?.to_json())
+}
+
+/// A prepared local map.
+#[pyclass(frozen, module = "mapmeld._core")]
+pub struct LocalMap {
+    pub inner: Arc<core::local_map::LocalMap>,
+}
+
+#[pymethods]
+impl LocalMap {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        name: String,
+        data: PyReadonlyArray2<'_, i8>,
+        resolution: f64,
+        origin: [f64; 3],
+        config: &str,
+    ) -> PyResult<Self> {
+        let config = convert::config(config)?;
+        let view = data.as_array();
+        let (height, width) = view.dim();
+        let cells: Vec<i8> = view.iter().copied().collect();
+        let inner = py
+            .detach(|| {
+                let grid =
+                    OccupancyGrid::new(name, width, height, resolution, convert::pose(origin), cells)?;
+                Ok(core::local_map::LocalMap::new(grid, &config))
+            })
+            .map_err(convert::to_py_err)?;
+        Ok(Self { inner: Arc::new(inner) })
+    }
+
+    /// Oriented wall points: position and normal, float64 (n, 2) each, map frame.
+    fn boundary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let d = PyDict::new(py);
+        let b = &self.inner.boundary;
+        d.set_item("position", convert::points(py, b.iter().map(|p| p.position))?)?;
+        d.set_item("normal", convert::points(py, b.iter().map(|p| p.normal))?)?;
+        Ok(d)
+    }
+
+    /// Lines: start, end, normal, float64 (n, 2) each, map frame.
+    fn lines<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let d = PyDict::new(py);
+        let lines = &self.inner.lines;
+        d.set_item("start", convert::points(py, lines.iter().map(|l| l.start))?)?;
+        d.set_item("end", convert::points(py, lines.iter().map(|l| l.end))?)?;
+        d.set_item("normal", convert::points(py, lines.iter().map(|l| l.normal))?)?;
+        Ok(d)
+    }
+
+    /// Corners: vertex, arm0, arm1 (n, 2), lengths (n, 2) and opening, opening_sigma, map frame.
+    fn corners<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let d = PyDict::new(py);
+        let c = &self.inner.corners;
+        d.set_item("vertex", convert::points(py, c.iter().map(|c| c.vertex))?)?;
+        d.set_item("arm0", convert::points(py, c.iter().map(|c| c.arms[0]))?)?;
+        d.set_item("arm1", convert::points(py, c.iter().map(|c| c.arms[1]))?)?;
+        d.set_item("lengths", convert::rows(py, 2, c.iter().flat_map(|c| c.lengths).collect())?)?;
+        d.set_item("opening", c.iter().map(|c| c.opening).collect::<Vec<_>>())?;
+        d.set_item("opening_sigma", c.iter().map(|c| c.opening_sigma).collect::<Vec<_>>())?;
+        Ok(d)
+    }
+
+    /// Number of free, occupied and unknown cells.
+    fn class_counts(&self) -> (usize, usize, usize) {
+        use core::grid::Class;
+        let g = &self.inner.grid;
+        (g.count(Class::Free), g.count(Class::Occupied), g.count(Class::Unknown))
+    }
+}
+
+pub fn evidence<'py>(
+    py: Python<'py>,
+    e: &core::perception::WallEvidence,
+) -> PyResult<Bound<'py, PyDict>> {
+    let d = PyDict::new(py);
+    d.set_item("log_likelihood", e.log_likelihood)?;
+    d.set_item("hits", e.hits)?;
+    d.set_item("misses", e.misses)?;
+    d.set_item("opposed", e.opposed)?;
+    d.set_item("conflicts", e.conflicts)?;
+    d.set_item("shared_length", e.shared_length)?;
+    d.set_item("agreement", e.agreement())?;
+    d.set_item("second_direction", e.second_direction())?;
+    Ok(d)
+}
+
+pub fn mode<'py>(py: Python<'py>, m: &core::registration::Mode) -> PyResult<Bound<'py, PyDict>> {
+    let d = evidence(py, &m.evidence)?;
+    d.set_item("T_a_b", m.t_a_b.to_array())?;
+    d.set_item("covariance", convert::matrix(&m.covariance))?;
+    d.set_item("log_odds", m.log_odds)?;
+    d.set_item("source", m.source.name())?;
+    Ok(d)
+}
+
+/// The modes of a pair, most likely first, and the number of candidates they came from.
+#[pyfunction]
+pub fn register<'py>(
+    py: Python<'py>,
+    a: &LocalMap,
+    b: &LocalMap,
+    config: &str,
+) -> PyResult<(usize, Vec<Bound<'py, PyDict>>)> {
+    let config = convert::config(config)?;
+    let (a, b) = (a.inner.clone(), b.inner.clone());
+    let found = py.detach(|| core::registration::pair::register(&a, &b, 0, 1, &config));
+    let modes = found.modes.iter().map(|m| mode(py, m)).collect::<PyResult<_>>()?;
+    Ok((found.candidates, modes))
+}
+
+/// Evidence of every pose T_a_b, by both perception models.
+#[pyfunction]
+pub fn perceive<'py>(
+    py: Python<'py>,
+    a: &LocalMap,
+    b: &LocalMap,
+    poses: Vec<[f64; 3]>,
+    config: &str,
+) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let config = convert::config(config)?;
+    let p = &config.perception;
+    poses
+        .into_iter()
+        .map(|t| evidence(py, &core::perception::likelihood::pair(&a.inner, &b.inner, &convert::pose(t), 1, p)))
+        .collect()
+}
+
+/// Unrefined candidates for T_a_b: source and pose of each.
+#[pyfunction]
+pub fn candidates(a: &LocalMap, b: &LocalMap, config: &str) -> PyResult<Vec<(&'static str, [f64; 3])>> {
+    let config = convert::config(config)?;
+    Ok(core::registration::pair::candidates(&a.inner, &b.inner, &config.registration)
+        .into_iter()
+        .map(|c| (c.source.name(), c.t_a_b.to_array()))
+        .collect())
+}

@@ -1,0 +1,132 @@
+//! The merge as Python calls it.
+
+use crate::convert;
+use crate::local_map::mode;
+use mapmeld_core::grid::OccupancyGrid;
+use mapmeld_core::merge::{merge as core_merge, Known, Merge, Stage};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::sync::Mutex;
+
+type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
+
+/// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
+/// between pieces of work; what it raises ends the merge, as does Ctrl-C.
+#[pyfunction]
+#[pyo3(signature = (maps, config, order=None, reference=None, progress=None))]
+pub fn merge<'py>(
+    py: Python<'py>,
+    maps: Vec<Given<'py>>,
+    config: &str,
+    order: Option<Vec<usize>>,
+    reference: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let config = convert::config(config)?;
+    let grids = maps
+        .into_iter()
+        .map(|(name, data, resolution, origin)| {
+            let view = data.as_array();
+            let (height, width) = view.dim();
+            let cells: Vec<i8> = view.iter().copied().collect();
+            OccupancyGrid::new(name, width, height, resolution, convert::pose(origin), cells)
+        })
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(convert::to_py_err)?;
+    let known = Known { order, reference };
+
+    // The observer runs without the GIL, on the core's thread; what Python raised there waits here.
+    let raised: Mutex<Option<PyErr>> = Mutex::new(None);
+    let observer = |stage: Stage, done: usize, total: usize| -> bool {
+        let told = Python::attach(|py| -> PyResult<()> {
+            py.check_signals()?;
+            if let Some(f) = &progress {
+                f.call1(py, (stage.name(), done, total))?;
+            }
+            Ok(())
+        });
+        match told {
+            Ok(()) => true,
+            Err(e) => {
+                *raised.lock().expect("observer does not panic") = Some(e);
+                false
+            }
+        }
+    };
+    let found = py.detach(|| core_merge(grids, &known, &config, &observer));
+    if let Some(e) = raised.into_inner().expect("observer does not panic") {
+        return Err(e);
+    }
+    to_dict(py, &found.map_err(convert::to_py_err)?)
+}
+
+fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let maps = PyList::empty(py);
+    for p in &m.placements {
+        let d = PyDict::new(py);
+        d.set_item("component", p.component)?;
+        d.set_item("T_component_map", p.t_component_map.map(|t| t.to_array()))?;
+        d.set_item("covariance", convert::matrix(&p.covariance))?;
+        d.set_item("status", p.status.name())?;
+        d.set_item("probability", p.probability)?;
+        maps.append(d)?;
+    }
+    out.set_item("maps", maps)?;
+
+    let components = PyList::empty(py);
+    for c in &m.components {
+        let d = PyDict::new(py);
+        d.set_item("reference", c.reference)?;
+        d.set_item("order", &c.order)?;
+        d.set_item("rms", c.rms)?;
+        d.set_item("conflict_cells", c.fused.conflicts)?;
+        d.set_item("shared_cells", c.fused.shared)?;
+        let steps = PyList::empty(py);
+        for s in &c.steps {
+            let e = PyDict::new(py);
+            e.set_item("effective_sample_size", s.effective_sample_size)?;
+            e.set_item("resampled", s.resampled)?;
+            e.set_item("log_evidence", s.log_evidence)?;
+            steps.append(e)?;
+        }
+        d.set_item("steps", steps)?;
+        let g = &c.fused.grid;
+        let data = PyArray1::from_slice(py, g.cells()).reshape([g.height(), g.width()])?;
+        d.set_item("data", data)?;
+        d.set_item("resolution", g.resolution())?;
+        d.set_item("origin", g.origin().to_array())?;
+        components.append(d)?;
+    }
+    out.set_item("components", components)?;
+
+    let hypotheses = PyList::empty(py);
+    for h in &m.hypotheses {
+        let d = PyDict::new(py);
+        d.set_item("probability", h.probability)?;
+        let placed: Vec<(usize, usize, [f64; 3])> =
+            h.maps.iter().map(|(map, c, t)| (*map, *c, t.to_array())).collect();
+        d.set_item("maps", placed)?;
+        hypotheses.append(d)?;
+    }
+    out.set_item("hypotheses", hypotheses)?;
+
+    let pairs = PyList::empty(py);
+    for p in &m.pairs {
+        let d = PyDict::new(py);
+        d.set_item("a", p.a)?;
+        d.set_item("b", p.b)?;
+        d.set_item("candidates", p.candidates)?;
+        d.set_item("modes", p.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?)?;
+        pairs.append(d)?;
+    }
+    out.set_item("pairs", pairs)?;
+
+    let seconds = PyDict::new(py);
+    for (stage, s) in &m.seconds {
+        seconds.set_item(*stage, *s)?;
+    }
+    out.set_item("seconds", seconds)?;
+    Ok(out)
+}

@@ -10,7 +10,8 @@ import pytest
 
 from mapmeld import se2
 from mapmeld.simulate import SimulatedCase, simulate
-from mapmeld.simulate.drift import drifted, fit_rigid
+from mapmeld.simulate.drift import common_fit, drifted, fit_rigid, seen_cells
+from mapmeld.simulate.lidar import Lidar, RayCaster
 from mapmeld.truth import parse_truth
 from simulate_cases import SMALL, wall_agreement
 
@@ -73,3 +74,25 @@ def test_rigid_fit_recovers_a_transform() -> None:
         found, rms = fit_rigid(points, se2.apply(T, points))
         np.testing.assert_allclose(found, T, atol=1e-9)
         assert rms < 1e-9
+
+
+def test_without_drift_the_fit_over_common_cells_is_exact(small: SimulatedCase) -> None:
+    lidar = Lidar(beams=91, field_of_view=math.pi, max_range=8.0, range_noise=0.02, dropout=0.01)
+    caster, frames, seen = RayCaster(small.world), [], []
+    for k, path in enumerate(small.paths[:2]):
+        T_world_map = np.array(small.truth["maps"][k]["T_world_map"])
+        T_map_world = se2.inverse(T_world_map)
+        in_map = np.column_stack([se2.apply(T_map_world, path[:, :2]), path[:, 2] + T_map_world[2]])
+        ranges = lidar.scan(caster, path, np.random.default_rng(k))
+        frames.append(T_world_map)
+        seen.append(seen_cells(path, in_map, ranges, lidar.angles))
+        # Every cell is shown where the frame puts its centre.
+        centres = se2.apply(T_world_map, seen[-1].shown)
+        np.testing.assert_allclose(centres, (seen[-1].index + 0.5) * 0.1, atol=1e-9)
+    fit = common_fit(*seen)
+    assert fit is not None
+    T_a_b, rms, cells = fit
+    np.testing.assert_allclose(T_a_b, se2.compose(se2.inverse(frames[0]), frames[1]), atol=1e-9)
+    assert rms < 1e-9
+    ours, theirs = ({tuple(index) for index in s.index.tolist()} for s in seen)
+    assert cells == len(ours & theirs)

@@ -8,6 +8,7 @@ use crate::fuse::{self, Fused};
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
+use crate::perception::noise;
 use crate::refine;
 use crate::registration::{pair, PairModes};
 use crate::se2::Se2;
@@ -126,9 +127,13 @@ fn run(
     let n = maps.len();
     let todo: Vec<(usize, usize)> =
         (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
-    let found = observed(&todo, Stage::Register, observer, |(a, b)| {
+    let mut found = observed(&todo, Stage::Register, observer, |(a, b)| {
         pair::register(&maps[*a], &maps[*b], *a, *b, config)
     })?;
+    // What a contradiction weighs is learnt from the pairs that fit best.
+    let perception = noise::adapt(&config.perception, &found, n);
+    noise::reweigh(&mut found, &config.perception, &perception);
+    let config = &Config { perception, ..config.clone() };
     let pairs = PairTable::new(n, found);
     clock.lap("register");
 

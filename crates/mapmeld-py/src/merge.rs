@@ -7,12 +7,18 @@ use mapmeld_core::merge::{merge as core_merge, Known, Merge, Stage};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
+use std::panic::resume_unwind;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::Mutex;
+use std::time::Duration;
+
+/// How long Ctrl-C may wait to be heard.
+const SIGNAL_POLL: Duration = Duration::from_millis(50);
 
 type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
 /// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
-/// between pieces of work; what it raises ends the merge, as does Ctrl-C.
+/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C.
 #[pyfunction]
 #[pyo3(signature = (maps, config, order=None, reference=None, progress=None))]
 pub fn merge<'py>(
@@ -36,28 +42,28 @@ pub fn merge<'py>(
         .map_err(convert::to_py_err)?;
     let known = Known { order, reference };
 
-    // The observer runs without the GIL, on the core's thread; what Python raised there waits here.
-    let raised: Mutex<Option<PyErr>> = Mutex::new(None);
-    let observer = |stage: Stage, done: usize, total: usize| -> bool {
-        let told = Python::attach(|py| -> PyResult<()> {
-            py.check_signals()?;
-            if let Some(f) = &progress {
+    // The core works on a thread of its own and never needs the interpreter; the calling thread, the
+    // only one that may hear of signals, waits for what the core tells. When it leaves early (Ctrl-C,
+    // or `progress` raised) the core learns so at its next piece of work, because nobody hears it.
+    let (tell, hear) = mpsc::channel();
+    let worker = std::thread::spawn(move || {
+        core_merge(grids, &known, &config, &|stage: Stage, done: usize, total: usize| {
+            tell.send((stage, done, total)).is_ok()
+        })
+    });
+    let hear = Mutex::new(hear);
+    loop {
+        py.check_signals()?;
+        let told = py.detach(|| hear.lock().expect("no other listener").recv_timeout(SIGNAL_POLL));
+        match (told, &progress) {
+            (Ok((stage, done, total)), Some(f)) => {
                 f.call1(py, (stage.name(), done, total))?;
             }
-            Ok(())
-        });
-        match told {
-            Ok(()) => true,
-            Err(e) => {
-                *raised.lock().expect("observer does not panic") = Some(e);
-                false
-            }
+            (Ok(_), None) | (Err(RecvTimeoutError::Timeout), _) => {}
+            (Err(RecvTimeoutError::Disconnected), _) => break,
         }
-    };
-    let found = py.detach(|| core_merge(grids, &known, &config, &observer));
-    if let Some(e) = raised.into_inner().expect("observer does not panic") {
-        return Err(e);
     }
+    let found = py.detach(|| worker.join()).unwrap_or_else(|panic| resume_unwind(panic));
     to_dict(py, &found.map_err(convert::to_py_err)?)
 }
 

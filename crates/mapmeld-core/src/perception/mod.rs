@@ -2,6 +2,7 @@
 
 pub mod gamma;
 pub mod likelihood;
+pub mod noise;
 pub mod overlay;
 pub mod pool;
 pub mod psi;

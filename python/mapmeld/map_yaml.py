@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import reprlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, Literal, NoReturn
 import yaml
 
 from mapmeld.errors import MapFileError
+from mapmeld.yaml_loader import Loader
 
 MapMode = Literal["trinary", "scale", "raw"]
 """How pixels become cells; see read_map."""
@@ -112,7 +112,7 @@ def _load_mapping(path: Path) -> dict[str, Any]:
         _fail(path, "is not UTF-8 text; pass the map's yaml file, not its image")
 
     try:
-        loader = _Loader(text)
+        loader = Loader(text)
         node = loader.get_single_node()
         if not isinstance(node, yaml.MappingNode):
             _fail(path, "is not a yaml mapping; it must hold lines such as 'resolution: 0.05'")
@@ -181,15 +181,3 @@ def _mode(path: Path, value: object) -> MapMode:
         if isinstance(value, str) and value.lower() == mode:
             return mode
     _fail(path, f"mode: must be one of {', '.join(MODES)}, got {reprlib.repr(value)}")
-
-
-class _Loader(yaml.SafeLoader):
-    """PyYAML's safe loader in Python. libyaml's overflows the C stack on 40 kB of "[" and kills the process,
-    where this one raises RecursionError; it would save less than half a millisecond a map."""
-
-
-# YAML 1.1, and so PyYAML, takes 2e-07 for a string. yaml-cpp reads and writes it as a number, and nav2's
-# map_saver writes a tiny yaw so.
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+\Z"), list("-+0123456789")
-)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ def matrix(pose: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([[c, -s, x], [s, c, y], [0.0, 0.0, 1.0]])
 
 
-def vector(T: NDArray[np.float64]) -> NDArray[np.float64]:
+def vector(T: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """(x, y, theta) of a homogeneous 3 x 3 matrix, theta in (-pi, pi]."""
     return np.array([T[0, 2], T[1, 2], math.atan2(T[1, 0], T[0, 0])])
 
@@ -33,9 +34,7 @@ def inverse(T_a_b: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]
     return vector(np.linalg.inv(matrix(T_a_b)))
 
 
-def apply(
-    T_a_b: Sequence[float] | NDArray[np.float64], points_b: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def apply(T_a_b: Sequence[float] | NDArray[np.float64], points_b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of frame b, shape (..., 2), in frame a."""
     T = matrix(T_a_b)
     return np.asarray(points_b @ T[:2, :2].T + T[:2, 2])

@@ -45,7 +45,9 @@ stage! {
         /// Most corners of a map that are matched, those with the longest arms first.
         max_corners: usize = 150,
         /// Candidates of a pair that are refined, best first by their walls.
-        shortlist: usize = 48,
+        shortlist: usize = 40,
+        /// The same, of the mirror image that shows what chance reaches.
+        decoy_shortlist: usize = 16,
         /// Modes kept for a pair.
         max_modes: usize = 12,
         /// Two modes closer than this are one, metres; none: two cells.
@@ -131,8 +133,12 @@ stage! {
 stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
-        /// Least log-likelihood ratio of a merge, over the search volume.
-        min_log_odds: f64 = 5.0,
+        /// Least evidence of a merge: the log-likelihood ratio, less what follows, nats.
+        min_evidence: f64 = 14.0,
+        /// What a share of contradicting observations of one would cost, nats.
+        conflict_cost: f64 = 100.0,
+        /// Share of what chance reaches with these maps (mirror image, runner-up) that is taken off.
+        noise_share: f64 = 0.5,
         /// Worlds less probable than this make a map ambiguous that they place elsewhere.
         ambiguous_above: f64 = 0.2,
     }
@@ -248,6 +254,7 @@ impl Config {
         angle("registration.opening_tolerance", r.opening_tolerance)?;
         count("registration.max_corners", r.max_corners)?;
         count("registration.shortlist", r.shortlist)?;
+        count("registration.decoy_shortlist", r.decoy_shortlist)?;
         count("registration.max_modes", r.max_modes)?;
         optional("registration.duplicate_distance", r.duplicate_distance)?;
         angle("registration.duplicate_angle", r.duplicate_angle)?;
@@ -271,7 +278,9 @@ impl Config {
         share("filter.resample_below", f.resample_below)?;
         count("filter.candidates_per_map", f.candidates_per_map)?;
         count("filter.maps_per_step", f.maps_per_step)?;
-        finite("evidence.min_log_odds", self.evidence.min_log_odds)?;
+        finite("evidence.min_evidence", self.evidence.min_evidence)?;
+        finite("evidence.conflict_cost", self.evidence.conflict_cost)?;
+        share("evidence.noise_share", self.evidence.noise_share)?;
         share("evidence.ambiguous_above", self.evidence.ambiguous_above)?;
         count("refine.max_iterations", self.refine.max_iterations)?;
         optional("refine.kernel", self.refine.kernel)?;

@@ -1,12 +1,13 @@
 //! From particles to verdicts: the worlds that they hold, their probabilities, the standing of each map.
 
+use crate::cluster::Cluster;
 use crate::config::Config;
-use crate::filter::{Particle, Step};
+use crate::filter::Particle;
 use crate::local_map::LocalMap;
 use crate::merge::Placement;
 use crate::perception::Overlay;
 use crate::se2::Se2;
-use crate::virtual_robot::SAME_WORLD;
+use crate::registration::SAME_WORLD;
 use nalgebra::Matrix3;
 
 /// The standing of a map.
@@ -43,6 +44,15 @@ pub struct World {
     pub probability: f64,
 }
 
+impl World {
+    /// This world with another one placed in it.
+    pub fn with(&self, other: &World, t_world_other: &Se2) -> World {
+        let mut poses = self.poses.clone();
+        poses.extend(other.poses.iter().map(|(m, t)| (*m, t_world_other.compose(t))));
+        World { poses, probability: self.probability * other.probability }
+    }
+}
+
 /// One arrangement of all maps.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
@@ -51,9 +61,6 @@ pub struct Hypothesis {
     /// Component and `T_component_map` of the maps that it places.
     pub maps: Vec<(usize, usize, Se2)>,
 }
-
-/// One component's travel: reference, worlds (most probable first), filter steps.
-pub type Travel = (usize, Vec<World>, Vec<Step>);
 
 /// Most hypotheses that are told.
 const MAX_HYPOTHESES: usize = 10;
@@ -87,9 +94,8 @@ fn is_same_world(maps: &[LocalMap], a: &[(usize, Se2)], b: &[(usize, Se2)]) -> b
         })
 }
 
-/// Standing of every map from the components' worlds. Poses and covariances are those of the most
-/// probable world, before refinement.
-pub fn placements(maps: &[LocalMap], travelled: &[Travel], config: &Config) -> Vec<Placement> {
+/// Standing of every map from the clusters, which are the components of the result.
+pub fn placements(maps: &[LocalMap], clusters: &[Cluster], config: &Config) -> Vec<Placement> {
     let blank = Placement {
         component: None,
         t_component_map: None,
@@ -98,12 +104,11 @@ pub fn placements(maps: &[LocalMap], travelled: &[Travel], config: &Config) -> V
         probability: 0.0,
     };
     let mut out = vec![blank; maps.len()];
-    for (component, (_, worlds, _)) in travelled.iter().enumerate() {
-        let alone = worlds[0].poses.len() == 1;
-        for (m, x) in &worlds[0].poses {
+    for (component, c) in clusters.iter().enumerate() {
+        for (i, (m, x)) in c.worlds[0].poses.iter().enumerate() {
             let center = maps[*m].center.unwrap_or_default();
             // Worlds that leave the map where it is, or leave it out, do not contradict its place.
-            let elsewhere: f64 = worlds[1..]
+            let elsewhere: f64 = c.worlds[1..]
                 .iter()
                 .filter(|w| {
                     w.poses.iter().any(|(k, y)| {
@@ -112,7 +117,7 @@ pub fn placements(maps: &[LocalMap], travelled: &[Travel], config: &Config) -> V
                 })
                 .map(|w| w.probability)
                 .sum();
-            let status = if alone {
+            let status = if c.members.len() == 1 {
                 Status::NoEvidence
             } else if elsewhere > config.evidence.ambiguous_above {
                 Status::Ambiguous
@@ -121,8 +126,8 @@ pub fn placements(maps: &[LocalMap], travelled: &[Travel], config: &Config) -> V
             };
             out[*m] = Placement {
                 component: Some(component),
-                t_component_map: Some(*x),
-                covariance: Matrix3::zeros(),
+                t_component_map: Some(c.poses[i]),
+                covariance: c.covariances[i],
                 status,
                 probability: 1.0 - elsewhere,
             };
@@ -132,12 +137,12 @@ pub fn placements(maps: &[LocalMap], travelled: &[Travel], config: &Config) -> V
 }
 
 /// Whole arrangements: one world from each component, most probable first.
-pub fn hypotheses(travelled: &[Travel]) -> Vec<Hypothesis> {
+pub fn hypotheses(clusters: &[Cluster]) -> Vec<Hypothesis> {
     let mut out = vec![Hypothesis { probability: 1.0, maps: Vec::new() }];
-    for (component, (_, worlds, _)) in travelled.iter().enumerate() {
+    for (component, c) in clusters.iter().enumerate() {
         let mut next: Vec<Hypothesis> = Vec::new();
         for h in &out {
-            for w in worlds.iter().take(MAX_HYPOTHESES) {
+            for w in c.worlds.iter().take(MAX_HYPOTHESES) {
                 let mut maps = h.maps.clone();
                 maps.extend(w.poses.iter().map(|(m, t)| (*m, component, *t)));
                 next.push(Hypothesis { probability: h.probability * w.probability, maps });

@@ -1,6 +1,7 @@
 //! Mapmeld's core: merges the occupancy grids of many robots (VR-SLAM).
 #![warn(missing_docs)]
 pub mod boundary;
+pub mod cluster;
 pub mod config;
 pub mod distance;
 pub mod error;

@@ -97,6 +97,22 @@ impl LocalMap {
         }
     }
 
+    /// The mirror image of a map: like it in every statistic, and like no place it was made in.
+    pub fn mirrored(&self, config: &Config) -> Self {
+        let g = &self.grid;
+        let cells: Vec<i8> =
+            g.cells().chunks_exact(g.width()).flat_map(|row| row.iter().rev().copied()).collect();
+        let grid = OccupancyGrid::new(
+            g.name(),
+            g.width(),
+            g.height(),
+            g.resolution(),
+            g.origin(),
+            cells,
+        );
+        Self::new(grid.expect("as valid as the map it mirrors"), config)
+    }
+
     /// The likelihood field as seen from another frame.
     pub fn field_view(&self, t_map_frame: &Se2) -> FieldView<'_> {
         FieldView::new(&self.grid, &self.field, t_map_frame)

@@ -1,15 +1,15 @@
 //! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
 
-use crate::config::Config;
+use crate::cluster::Cluster;
+use crate::config::{Config, PerceptionConfig};
 use crate::error::{Error, Result};
-use crate::evidence::{self, Hypothesis, Status};
+use crate::evidence::{self, Hypothesis, Status, World};
 use crate::filter::{ParticleFilter, Step};
 use crate::fuse::{self, Fused};
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::noise;
-use crate::refine;
 use crate::registration::{pair, PairModes};
 use crate::se2::Se2;
 use crate::virtual_robot::{PairTable, VirtualRobot};
@@ -79,8 +79,10 @@ pub enum Stage {
     Register,
     /// Steps of the filter.
     Filter,
-    /// Joint refinement and fusion of each component.
-    Refine,
+    /// Travel among the merged maps.
+    Join,
+    /// Fusion of each component.
+    Fuse,
 }
 
 impl Stage {
@@ -90,7 +92,8 @@ impl Stage {
             Stage::Prepare => "prepare",
             Stage::Register => "register",
             Stage::Filter => "filter",
-            Stage::Refine => "refine",
+            Stage::Join => "join",
+            Stage::Fuse => "fuse",
         }
     }
 }
@@ -123,75 +126,131 @@ fn run(
     let maps = observed(&grids, Stage::Prepare, observer, |g| LocalMap::new(g.clone(), config))?;
     clock.lap("prepare");
 
-    // Section 3: the possible motions u_t of every pair, once for all particles.
+    // Section 3: the possible motions u_t of every pair, once for all particles. What a contradiction
+    // weighs is learnt from the pairs that fit best.
+    let (pairs, perception) = register_all(&maps, |_, _| Vec::new(), config, observer)?;
+    let configured_conflict = config.perception.conflict;
+    let config = &Config { perception, ..config.clone() };
+    clock.lap("register");
+
+    // Sections 2 and 4: the virtual robot travels through each component.
+    let mut clusters: Vec<Cluster> = travel(&maps, &pairs, known, config, configured_conflict, observer)?
+        .into_iter()
+        .map(|(worlds, steps)| Cluster::new(&maps, worlds, steps, config))
+        .collect();
+    clock.lap("filter");
+
+    // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
+    while let Some(joined) = join(&maps, &pairs, &clusters, known, config, configured_conflict, observer)? {
+        clusters = joined;
+    }
+    clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
+    clock.lap("join");
+
+    let mut components = Vec::new();
+    for (k, c) in clusters.iter().enumerate() {
+        observe(observer, Stage::Fuse, k, clusters.len())?;
+        components.push(Component {
+            reference: c.members[0],
+            order: c.members.clone(),
+            steps: c.steps.clone(),
+            rms: c.rms,
+            fused: fuse::fuse("merged", &c.placed(&maps), &config.fuse)?,
+        });
+    }
+    let placements = evidence::placements(&maps, &clusters, config);
+    let hypotheses = evidence::hypotheses(&clusters);
+    clock.lap("fuse");
+    Ok(Merge { placements, components, hypotheses, pairs: pairs.into_pairs(), seconds: clock.laps })
+}
+
+/// Registers every pair, hinted at some transforms, and fits the perception model to what they show.
+fn register_all(
+    maps: &[LocalMap],
+    hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
+    config: &Config,
+    observer: Observer,
+) -> Result<(PairTable, PerceptionConfig)> {
     let n = maps.len();
+    let mirrored = observed(maps, Stage::Register, observer, |m| m.mirrored(config))?;
     let todo: Vec<(usize, usize)> =
         (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
     let mut found = observed(&todo, Stage::Register, observer, |(a, b)| {
-        pair::register(&maps[*a], &maps[*b], *a, *b, config)
+        pair::register(&maps[*a], &maps[*b], Some(&mirrored[*b]), &hints(*a, *b), (*a, *b), config)
     })?;
-    // What a contradiction weighs is learnt from the pairs that fit best.
     let perception = noise::adapt(&config.perception, &found, n);
     noise::reweigh(&mut found, &config.perception, &perception);
-    let config = &Config { perception, ..config.clone() };
-    let pairs = PairTable::new(n, found);
-    clock.lap("register");
+    Ok((PairTable::new(n, found), perception))
+}
 
-    // Section 2: the virtual robot travels through each component.
+/// Lets the virtual robot travel from a reference as far as the evidence carries, then from another
+/// one through the maps that are left. One list of worlds, most probable first, for each travel.
+fn travel(
+    maps: &[LocalMap],
+    pairs: &PairTable,
+    known: &Known,
+    config: &Config,
+    configured_conflict: f64,
+    observer: Observer,
+) -> Result<Vec<(Vec<World>, Vec<Step>)>> {
     let mut open: Vec<bool> = maps.iter().map(|m| !m.is_blank()).collect();
     let mut travelled = Vec::new();
-    while let Some(reference) = choose_reference(&pairs, &open, known) {
-        let robot = VirtualRobot {
-            maps: &maps,
-            pairs: &pairs,
-            open: &open,
-            order: known.order.as_deref(),
-            config,
-        };
+    while let Some(reference) = choose_reference(pairs, &open, known) {
+        let order = known.order.as_deref();
+        let robot = VirtualRobot { maps, pairs, open: &open, order, config, configured_conflict };
         let f = &config.filter;
         let seed = config.seed.wrapping_add(travelled.len() as u64);
         let mut filter =
             ParticleFilter::new(robot.start(reference), f.particles, f.resample_below, seed);
         let mut steps = Vec::new();
         loop {
-            observe(observer, Stage::Filter, n - open.iter().filter(|o| **o).count() + steps.len(), n)?;
-            // Section 4 weighs the poses inside the step.
+            let visited = open.iter().filter(|o| !**o).count() + steps.len();
+            observe(observer, Stage::Filter, visited, maps.len())?;
             let step = filter.step(&robot);
             if step.advanced == 0 {
                 break;
             }
             steps.push(step);
         }
-        let worlds = evidence::worlds(&maps, filter.particles());
+        let worlds = evidence::worlds(maps, filter.particles());
         worlds[0].poses.iter().for_each(|(m, _)| open[*m] = false);
-        travelled.push((reference, worlds, steps));
+        travelled.push((worlds, steps));
     }
-    clock.lap("filter");
+    Ok(travelled)
+}
 
-    // Past the paper: one joint refinement of all poses, then fusion.
-    travelled.sort_by_key(|(_, worlds, _)| std::cmp::Reverse(worlds[0].poses.len()));
-    let mut placements = evidence::placements(&maps, &travelled, config);
-    let mut components = Vec::new();
-    for (k, (reference, worlds, steps)) in travelled.iter().enumerate() {
-        observe(observer, Stage::Refine, k, travelled.len())?;
-        let order: Vec<usize> = worlds[0].poses.iter().map(|(m, _)| *m).collect();
-        let poses: Vec<Se2> = worlds[0].poses.iter().map(|(_, t)| *t).collect();
-        // The reference comes first and stays at the component's origin.
-        let refined = refine::refine(&maps, &order, &poses, 0, config);
-        for (i, map) in order.iter().enumerate() {
-            placements[*map].t_component_map = Some(refined.poses[i]);
-            placements[*map].covariance = refined.covariances[i];
-        }
-        let placed: Vec<(&OccupancyGrid, Se2)> =
-            order.iter().zip(&refined.poses).map(|(m, t)| (&maps[*m].grid, *t)).collect();
-        let fused = fuse::fuse("merged", &placed, &config.fuse)?;
-        let (reference, steps, rms) = (*reference, steps.clone(), refined.rms);
-        components.push(Component { reference, order, steps, rms, fused });
+/// One travel with the clusters as maps; none when no two of them join.
+fn join(
+    maps: &[LocalMap],
+    pairs: &PairTable,
+    clusters: &[Cluster],
+    known: &Known,
+    config: &Config,
+    configured_conflict: f64,
+    observer: Observer,
+) -> Result<Option<Vec<Cluster>>> {
+    // Single maps alone tell nothing that their pairs have not told.
+    if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
+        return Ok(None);
     }
-    clock.lap("refine");
-
-    let hypotheses = evidence::hypotheses(&travelled);
-    Ok(Merge { placements, components, hypotheses, pairs: pairs.into_pairs(), seconds: clock.laps })
+    let merged = observed(clusters, Stage::Join, observer, |c| c.to_local_map(maps, config))?
+        .into_iter()
+        .collect::<Result<Vec<_>>>()?;
+    let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
+    let (pairs, perception) = register_all(&merged, hints, config, observer)?;
+    let config = &Config { perception, ..config.clone() };
+    let first = known.reference.or_else(|| known.order.as_ref()?.first().copied());
+    let reference = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
+    let known = Known { order: None, reference };
+    let travelled = travel(&merged, &pairs, &known, config, configured_conflict, observer)?;
+    if travelled.len() == clusters.len() {
+        return Ok(None);
+    }
+    let joined = travelled
+        .into_iter()
+        .map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, config))
+        .collect();
+    Ok(Some(joined))
 }
 
 /// The reference of the next component: the one that is named, the first of the known order, or the

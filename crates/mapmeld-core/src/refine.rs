@@ -57,9 +57,13 @@ pub fn refine(
     while iterations < config.refine.max_iterations && !edges.is_empty() {
         iterations += 1;
         let (mut h, g, _, _) = normal_equations(maps, members, &poses, &edges, anchor, scale);
-        // Levenberg's damping: directions that no wall fixes stay where they are.
-        for k in 0..3 * n {
-            h[(k, k)] += 1e-3 * h[(k, k)] + 1e-6;
+        // Levenberg's damping, the same along both axes: a share of each axis' own information would
+        // let a bare corridor, along which there is next to none, slide by any distance.
+        for k in (0..3 * n).step_by(3) {
+            let d = 1e-3 * h[(k, k)].max(h[(k + 1, k + 1)]) + 1e-6;
+            h[(k, k)] += d;
+            h[(k + 1, k + 1)] += d;
+            h[(k + 2, k + 2)] += 1e-3 * h[(k + 2, k + 2)] + 1e-6;
         }
         let Some(solved) = h.cholesky().map(|c| c.solve(&g)) else { break };
         let mut moved = 0.0f64;

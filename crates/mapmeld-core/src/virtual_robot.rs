@@ -10,13 +10,10 @@ use crate::local_map::LocalMap;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
 use crate::registration::pair::{inverse, log_gaussian_mass, log_search_volume};
-use crate::registration::PairModes;
+use crate::registration::{PairModes, SAME_WORLD};
 use crate::se2::Se2;
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
-
-/// Poses closer than this (metres at the map's centre, radians) tell the same story.
-pub const SAME_WORLD: (f64, f64) = (0.5, 0.0873);
 
 /// The modes of all pairs, found by either order of their maps.
 #[derive(Debug, Clone)]
@@ -61,6 +58,13 @@ impl PairTable {
             .collect()
     }
 
+    /// See [`PairModes::noise_floor`]; zero for a pair that was not registered.
+    pub fn noise_floor(&self, maps: &[LocalMap], a: usize, b: usize) -> f64 {
+        let (lo, hi) = (a.min(b), a.max(b));
+        let pair = self.at[lo * self.n + hi].map(|k| &self.pairs[k as usize]);
+        pair.map_or(0.0, |p| p.noise_floor(maps[hi].center.unwrap_or_default()))
+    }
+
     /// Log-likelihood of the best mode of a pair; none without a mode.
     pub fn best(&self, a: usize, b: usize) -> Option<f64> {
         let k = self.at[a.min(b) * self.n + a.max(b)]?;
@@ -95,8 +99,10 @@ pub struct VirtualRobot<'a> {
     pub open: &'a [bool],
     /// The merge order, when it is known.
     pub order: Option<&'a [usize]>,
-    /// Options.
+    /// Options, with the perception model fitted to the maps.
     pub config: &'a Config,
+    /// What a conflict weighed before that.
+    pub configured_conflict: f64,
 }
 
 impl VirtualRobot<'_> {
@@ -136,6 +142,20 @@ impl VirtualRobot<'_> {
         kept
     }
 
+    /// What is left of the likelihood ratio when contradictions are paid for and what chance reaches
+    /// with these maps is taken off.
+    fn evidence_beyond_noise(&self, merged: &Overlay, map: usize, e: &WallEvidence) -> f64 {
+        let c = &self.config.evidence;
+        let floor = merged
+            .layers()
+            .map(|l| self.pairs.noise_floor(self.maps, l.map, map))
+            .fold(0.0, f64::max);
+        // What the perception model has learnt to charge for conflicts is charged once.
+        let charged = (self.configured_conflict - self.config.perception.conflict) * e.conflicts;
+        let due = (c.conflict_cost * e.conflict_share() - charged).max(0.0);
+        e.log_likelihood - due - c.noise_share * floor
+    }
+
     /// Perception model (paper, section 4) of one pose; none when the evidence does not carry a merge.
     fn perceive(
         &self,
@@ -148,7 +168,7 @@ impl VirtualRobot<'_> {
         let anchor = merged.layers().last().expect("a merged map holds its reference").map;
         let log_volume = log_search_volume(&self.maps[anchor], &self.maps[map]);
         let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;
-        if log_odds < self.config.evidence.min_log_odds {
+        if self.evidence_beyond_noise(merged, map, &evidence) < self.config.evidence.min_evidence {
             return None;
         }
         let (psi, gamma) = match p.model {

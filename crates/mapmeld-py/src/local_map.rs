@@ -4,7 +4,10 @@ use crate::convert;
 use mapmeld_core as core;
 use mapmeld_core::config::Config;
 use mapmeld_core::grid::OccupancyGrid;
-use numpy::PyReadonlyArray2;
+use mapmeld_core::perception::psi::Comparison;
+use mapmeld_core::perception::{gamma, likelihood, pool, psi, Overlay};
+use mapmeld_core::se2::Se2;
+use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -127,12 +130,13 @@ pub fn register<'py>(
 ) -> PyResult<(usize, Vec<Bound<'py, PyDict>>)> {
     let config = convert::config(config)?;
     let (a, b) = (a.inner.clone(), b.inner.clone());
-    let found = py.detach(|| core::registration::pair::register(&a, &b, 0, 1, &config));
+    let found = py.detach(|| core::registration::pair::register(&a, &b, None, &[], (0, 1), &config));
     let modes = found.modes.iter().map(|m| mode(py, m)).collect::<PyResult<_>>()?;
     Ok((found.candidates, modes))
 }
 
-/// Evidence of every pose T_a_b, by both perception models.
+/// Both perception models of a pool of poses T_a_b: the paper's Psi and gamma with their normalised
+/// forms and product (float64, one a pose), and the wall evidence of each pose.
 #[pyfunction]
 pub fn perceive<'py>(
     py: Python<'py>,
@@ -140,13 +144,28 @@ pub fn perceive<'py>(
     b: &LocalMap,
     poses: Vec<[f64; 3]>,
     config: &str,
-) -> PyResult<Vec<Bound<'py, PyDict>>> {
+) -> PyResult<Bound<'py, PyDict>> {
     let config = convert::config(config)?;
     let p = &config.perception;
-    poses
-        .into_iter()
-        .map(|t| evidence(py, &core::perception::likelihood::pair(&a.inner, &b.inner, &convert::pose(t), 1, p)))
-        .collect()
+    let maps = std::slice::from_ref(&*a.inner);
+    let merged = Overlay::default().with(maps, 0, Se2::IDENTITY, true, false);
+    let (mut psis, mut gammas, mut walls) = (Vec::new(), Vec::new(), Vec::new());
+    for t in poses {
+        let t = convert::pose(t);
+        let comparison = Comparison::new(maps, &merged, &b.inner, t, p.sigma_cells);
+        psis.push(psi::psi(&comparison, p.classes));
+        gammas.push(gamma::gamma(&comparison));
+        walls.push(evidence(py, &likelihood::pair(&a.inner, &b.inner, &t, 1, p))?);
+    }
+    let normalised = pool::normalise(&psis, &gammas, p.gamma_floor);
+    let d = PyDict::new(py);
+    d.set_item("psi", PyArray1::from_vec(py, psis))?;
+    d.set_item("gamma", PyArray1::from_vec(py, gammas))?;
+    d.set_item("psi_normalised", PyArray1::from_vec(py, normalised.psi))?;
+    d.set_item("gamma_normalised", PyArray1::from_vec(py, normalised.gamma))?;
+    d.set_item("product", PyArray1::from_vec(py, normalised.product))?;
+    d.set_item("walls", walls)?;
+    Ok(d)
 }
 
 /// Unrefined candidates for T_a_b: source and pose of each.

@@ -58,6 +58,16 @@ impl WallEvidence {
         }
     }
 
+    /// Share of the decisive observations that contradict, in [0, 1].
+    pub fn conflict_share(&self) -> f64 {
+        let decisive = self.hits + self.conflicts;
+        if decisive > 0.0 {
+            self.conflicts / decisive
+        } else {
+            0.0
+        }
+    }
+
     /// Evidence in the second direction: the smaller eigenvalue of [`WallEvidence::directions`].
     pub fn second_direction(&self) -> f64 {
         let [xx, xy, yy] = self.directions;

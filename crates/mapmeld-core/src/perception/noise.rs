@@ -2,9 +2,10 @@
 //!
 //! What a wall in clear free space means depends on the maps: at a true pose of undistorted maps there
 //! is none, at one of bent maps there are some. The pairs that fit best tell which maps these are. They
-//! can only make the model stricter than its configuration: maps that fit nowhere must not earn leniency.
+//! can only make conflicts dearer than configured: maps that fit nowhere must not earn leniency.
 
 use crate::config::PerceptionConfig;
+use crate::perception::WallEvidence;
 use crate::registration::PairModes;
 
 /// Observations that a pair must share before it has a say.
@@ -15,6 +16,15 @@ const CLEANEST: f64 = 0.005;
 const PRIOR: f64 = 2.0;
 /// Share of contradicting observations between unrelated maps.
 const UNRELATED: f64 = 0.5;
+
+/// Log-likelihood ratio from which a pair is beyond doubt, nats.
+const BEYOND_DOUBT: f64 = 25.0;
+/// Pairs beyond doubt that it takes to learn from them.
+const MIN_STRONG: usize = 3;
+/// Share of opposed among the hits and opposed of a chance alignment.
+const OPPOSED_BY_CHANCE: f64 = 0.15;
+/// Largest log-likelihood ratio that an opposed wall can earn.
+const MAX_OPPOSED: f64 = 1.0;
 
 /// The perception model with the conflict's log-likelihood ratio fitted to `n` maps' pairs.
 pub fn adapt(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> PerceptionConfig {
@@ -45,16 +55,48 @@ pub fn adapt(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> Percep
     rates.sort_by(f64::total_cmp);
     let rate = rates[rates.len() / 2].max(CLEANEST);
     let conflict = (2.0 * (rate / UNRELATED).ln()).min(config.conflict);
-    PerceptionConfig { conflict, ..config.clone() }
+    let opposed = opposed_ratio(&best, config);
+    PerceptionConfig { conflict, opposed, ..config.clone() }
 }
 
-/// Weighs the modes of all pairs anew after the conflict's ratio has changed from `before` to `now`.
+/// Log-likelihood ratio of a wall that another map shows from its other side. Where walls are thin that
+/// is the same wall, and speaks for the pose: how often it happens is learnt from pairs beyond doubt.
+fn opposed_ratio(best: &[Option<&PairModes>], config: &PerceptionConfig) -> f64 {
+    let mut strong: Vec<&PairModes> = best
+        .iter()
+        .flatten()
+        .copied()
+        .filter(|p| {
+            let e = &p.modes[0].evidence;
+            e.log_likelihood >= BEYOND_DOUBT && e.conflict_share() <= 0.05
+        })
+        .collect();
+    strong.sort_by_key(|p| (p.a, p.b));
+    strong.dedup_by_key(|p| (p.a, p.b));
+    if strong.len() < MIN_STRONG {
+        return config.opposed;
+    }
+    let sum = |f: fn(&WallEvidence) -> f64| -> f64 {
+        strong.iter().map(|p| f(&p.modes[0].evidence)).sum()
+    };
+    let (hits, opposed) = (sum(|e| e.hits), sum(|e| e.opposed));
+    let rate = (opposed + 10.0 * OPPOSED_BY_CHANCE) / (hits + opposed + 10.0);
+    (rate / OPPOSED_BY_CHANCE).ln().clamp(config.opposed, MAX_OPPOSED)
+}
+
+/// Weighs the modes of all pairs anew after the model has changed from `before` to `now`.
 pub fn reweigh(pairs: &mut [PairModes], before: &PerceptionConfig, now: &PerceptionConfig) {
-    let change = now.conflict - before.conflict;
+    let change = |e: &WallEvidence| {
+        (now.conflict - before.conflict) * e.conflicts + (now.opposed - before.opposed) * e.opposed
+    };
     for p in pairs {
         for m in &mut p.modes {
-            m.evidence.log_likelihood += change * m.evidence.conflicts;
-            m.log_odds += change * m.evidence.conflicts;
+            let change = change(&m.evidence);
+            m.evidence.log_likelihood += change;
+            m.log_odds += change;
+        }
+        for e in &mut p.decoys {
+            e.log_likelihood += change(e);
         }
         p.modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
     }

@@ -11,7 +11,7 @@ pub mod pair;
 pub mod segments;
 
 use crate::perception::WallEvidence;
-use crate::se2::Se2;
+use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 
 /// Where a candidate came from.
@@ -23,6 +23,8 @@ pub enum Source {
     Segments,
     /// Correlation of oriented walls.
     Correlation,
+    /// Modes of the maps that two merged maps consist of.
+    Members,
 }
 
 impl Source {
@@ -32,6 +34,7 @@ impl Source {
             Source::Corners => "corners",
             Source::Segments => "segments",
             Source::Correlation => "correlation",
+            Source::Members => "members",
         }
     }
 }
@@ -71,4 +74,26 @@ pub struct PairModes {
     pub candidates: usize,
     /// Modes, most likely first.
     pub modes: Vec<Mode>,
+    /// What map a reaches with the mirror image of map b, which it cannot have seen.
+    pub decoys: Vec<WallEvidence>,
 }
+
+impl PairModes {
+    /// The log-likelihood that chance and self-similarity reach with these maps: the best decoy, or the
+    /// best mode that tells another story than the first, if that is more; never negative. `center` is
+    /// the centre of map b's known cells.
+    pub fn noise_floor(&self, center: Vec2) -> f64 {
+        let decoy = self.decoys.iter().map(|e| e.log_likelihood).fold(0.0, f64::max);
+        decoy.max(self.runner_up(center).map_or(0.0, |m| m.evidence.log_likelihood))
+    }
+
+    /// The best mode that tells another story than the first.
+    pub fn runner_up(&self, center: Vec2) -> Option<&Mode> {
+        let first = self.modes.first()?;
+        let (distance, angle) = SAME_WORLD;
+        self.modes.iter().find(|m| !m.t_a_b.is_close_at(&first.t_a_b, center, distance, angle))
+    }
+}
+
+/// Poses closer than this (metres at the map's centre, radians) tell the same story.
+pub const SAME_WORLD: (f64, f64) = (0.5, 0.0873);

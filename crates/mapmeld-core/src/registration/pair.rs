@@ -3,39 +3,62 @@
 use crate::config::{Config, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::likelihood;
-use crate::registration::{climb, corners, correlation, segments, Candidate, Mode, PairModes};
+use crate::registration::{climb, corners, correlation, segments, Candidate, Mode, PairModes, Source};
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
-/// Samples that a first look at a candidate takes.
+/// Samples that the very first look at a candidate takes.
+const BLINK_SAMPLES: usize = 64;
+/// Samples that a longer look takes.
 const GLANCE_SAMPLES: usize = 120;
 /// Samples that a climb follows.
 const CLIMB_SAMPLES: usize = 250;
 /// Steps that every candidate worth a second look is led uphill.
 const FIRST_STEPS: usize = 6;
 
-/// The modes of `T_a_b`, most likely first (paper, section 3: the possible motions u_t).
+/// Registers a pair: the modes of `T_a_b`, most likely first (paper, section 3: the possible motions
+/// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach. `hints` are
+/// transforms that are worth a climb whatever the sources say.
 pub fn register(
     ma: &LocalMap,
     mb: &LocalMap,
-    a: usize,
-    b: usize,
+    mirrored_b: Option<&LocalMap>,
+    hints: &[Se2],
+    (a, b): (usize, usize),
     config: &Config,
 ) -> PairModes {
-    let (Some(_), Some(center)) = (ma.center, mb.center) else {
-        return PairModes { a, b, candidates: 0, modes: Vec::new() };
-    };
+    let (candidates, modes) = find_modes(ma, mb, hints, config.registration.shortlist, config);
+    let decoys = mirrored_b.map_or_else(Vec::new, |m| {
+        find_modes(ma, m, &[], config.registration.decoy_shortlist, config).1
+    });
+    let decoys = decoys.into_iter().map(|m| m.evidence).collect();
+    PairModes { a, b, candidates, modes, decoys }
+}
+
+/// Number of candidates, and the modes that they lead to.
+fn find_modes(
+    ma: &LocalMap,
+    mb: &LocalMap,
+    hints: &[Se2],
+    shortlist: usize,
+    config: &Config,
+) -> (usize, Vec<Mode>) {
+    let (Some(_), Some(center)) = (ma.center, mb.center) else { return (0, Vec::new()) };
     let r = &config.registration;
     let p = &config.perception;
     let found = candidates(ma, mb, r);
-    let candidates = found.len();
+    let candidates = found.len() + hints.len();
 
     let distance = r
         .duplicate_distance
         .unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
     let stride = |samples: usize| (mb.samples.len() / samples).max(1);
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
+    let look = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
+        let stride = stride(samples);
+        found.into_iter().map(|c| (likelihood::glance(ma, mb, &c.t_a_b, stride), c)).collect()
+    };
     let climb_all = |found: Vec<Candidate>, samples: usize, steps: usize| -> Vec<(f64, Candidate)> {
         found
             .into_iter()
@@ -46,14 +69,16 @@ pub fn register(
             })
             .collect()
     };
-    // Narrowing down: many looked at, fewer led a few steps uphill, the best climbed to the top.
-    let glances = found
-        .into_iter()
-        .map(|c| (likelihood::glance(ma, mb, &c.t_a_b, stride(GLANCE_SAMPLES)), c))
-        .collect();
-    let glanced = distinct(glances, 4 * r.shortlist);
-    let shortlist = distinct(climb_all(glanced, GLANCE_SAMPLES, FIRST_STEPS), r.shortlist);
-    let kept = distinct(climb_all(shortlist, CLIMB_SAMPLES, r.max_iterations), r.max_modes);
+    // Narrowing down: all blinked at, many looked at, fewer led a few steps uphill, the best climbed to
+    // the top.
+    let mut blinked = look(found, BLINK_SAMPLES);
+    blinked.sort_by(|x, y| y.0.total_cmp(&x.0));
+    blinked.truncate(40 * shortlist);
+    let blinked = blinked.into_iter().map(|(_, c)| c).collect();
+    let mut glanced = distinct(look(blinked, GLANCE_SAMPLES), 4 * shortlist);
+    glanced.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
+    let shortlisted = distinct(climb_all(glanced, GLANCE_SAMPLES, FIRST_STEPS), shortlist);
+    let kept = distinct(climb_all(shortlisted, CLIMB_SAMPLES, r.max_iterations), r.max_modes);
 
     let log_volume = log_search_volume(ma, mb);
     let mut modes: Vec<Mode> = kept
@@ -67,7 +92,7 @@ pub fn register(
         })
         .collect();
     modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
-    PairModes { a, b, candidates, modes }
+    (candidates, modes)
 }
 
 /// What every source proposes for `T_a_b`, unrefined.

@@ -1,0 +1,118 @@
+//! Maps that lie together: what one travel of the virtual robot leaves behind.
+//!
+//! A merged map is a map. Clusters that share too little with any single map may share enough with each
+//! other, so the robot travels again with whole clusters as its sensor readings, until nothing joins.
+
+use crate::config::Config;
+use crate::error::Result;
+use crate::evidence::World;
+use crate::filter::Step;
+use crate::fuse;
+use crate::grid::OccupancyGrid;
+use crate::local_map::LocalMap;
+use crate::refine;
+use crate::se2::Se2;
+use crate::virtual_robot::PairTable;
+use nalgebra::Matrix3;
+
+/// Most arrangements of a cluster that are carried on.
+const MAX_WORLDS: usize = 10;
+
+/// Most motions between two clusters that are taken from their members.
+const MAX_MOTIONS: usize = 100;
+
+/// Maps placed in one frame, that of the first.
+#[derive(Debug, Clone)]
+pub struct Cluster {
+    /// Maps in merge order, the reference first.
+    pub members: Vec<usize>,
+    /// `T_cluster_map` of each member, refined.
+    pub poses: Vec<Se2>,
+    /// Covariance of each pose relative to the reference.
+    pub covariances: Vec<Matrix3<f64>>,
+    /// Root mean square of the walls' residuals, metres.
+    pub rms: Option<f64>,
+    /// Arrangements that the particles hold, most probable first; the first is this one, unrefined.
+    pub worlds: Vec<World>,
+    /// The filter's steps.
+    pub steps: Vec<Step>,
+}
+
+impl Cluster {
+    /// Refines the most probable world.
+    pub fn new(maps: &[LocalMap], worlds: Vec<World>, steps: Vec<Step>, config: &Config) -> Self {
+        let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
+        let refined = refine::refine(maps, &members, &poses, 0, config);
+        Self {
+            members,
+            poses: refined.poses,
+            covariances: refined.covariances,
+            rms: refined.rms,
+            worlds,
+            steps,
+        }
+    }
+
+    /// The members' grids in their places.
+    pub fn placed<'m>(&self, maps: &'m [LocalMap]) -> Vec<(&'m OccupancyGrid, Se2)> {
+        self.members.iter().zip(&self.poses).map(|(m, t)| (&maps[*m].grid, *t)).collect()
+    }
+
+    /// The cluster as a map of its own.
+    pub fn to_local_map(&self, maps: &[LocalMap], config: &Config) -> Result<LocalMap> {
+        let grid = match self.members[..] {
+            [only] => maps[only].grid.clone(),
+            _ => fuse::fuse("cluster", &self.placed(maps), &config.fuse)?.grid,
+        };
+        Ok(LocalMap::new(grid, config))
+    }
+
+    /// `T_self_other` by the modes of every pair of members, where they are no worse than chance.
+    pub fn motions(&self, other: &Cluster, pairs: &PairTable) -> Vec<Se2> {
+        let mut found: Vec<(f64, Se2)> = Vec::new();
+        for (i, x_i) in self.members.iter().zip(&self.poses) {
+            for (j, x_j) in other.members.iter().zip(&other.poses) {
+                for (t, _, log_likelihood) in pairs.modes(*i, *j) {
+                    if log_likelihood > 0.0 {
+                        found.push((log_likelihood, x_i.compose(&t).compose(&x_j.inverse())));
+                    }
+                }
+            }
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        found.truncate(MAX_MOTIONS);
+        found.into_iter().map(|(_, t)| t).collect()
+    }
+
+    /// Clusters joined as a travel among them found: `worlds` place clusters, by their index.
+    pub fn join(
+        maps: &[LocalMap],
+        clusters: &[Cluster],
+        worlds: &[World],
+        steps: Vec<Step>,
+        config: &Config,
+    ) -> Self {
+        let mut joined: Vec<World> = Vec::new();
+        for (i, w) in worlds.iter().enumerate() {
+            let mut of_world = vec![World { poses: Vec::new(), probability: w.probability }];
+            for (k, t) in &w.poses {
+                // Around the first arrangement the refined poses are the better start.
+                let mut inner = clusters[*k].worlds.clone();
+                inner[0].poses =
+                    clusters[*k].members.iter().copied().zip(clusters[*k].poses.clone()).collect();
+                let inner = if i == 0 { &inner[..] } else { &inner[..1] };
+                of_world = of_world.iter().flat_map(|a| inner.iter().map(|b| a.with(b, t))).collect();
+                of_world.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+                of_world.truncate(MAX_WORLDS);
+            }
+            joined.extend(of_world);
+        }
+        // The first stays first: the rest are alternatives to it.
+        joined[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        joined.truncate(MAX_WORLDS);
+        let mut all_steps: Vec<Step> =
+            worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
+        all_steps.extend(steps);
+        Self::new(maps, joined, all_steps, config)
+    }
+}

@@ -1,0 +1,160 @@
+//! Joint refinement: poses come back, and what the walls leave open is said to be open.
+
+mod common;
+
+use common::{any_frame, apart, office, rng, Plan};
+use mapmeld_core::config::Config;
+use mapmeld_core::local_map::LocalMap;
+use mapmeld_core::refine::{refine, Refined};
+use mapmeld_core::se2::{Se2, Vec2};
+use nalgebra::Matrix3;
+use rand::Rng;
+use rand_pcg::Pcg64Mcg;
+
+const CELL: f64 = 0.05;
+
+/// Maps of overlapping parts of the office, and their frames.
+fn robots(rng: &mut Pcg64Mcg, n: usize) -> (Vec<LocalMap>, Vec<Se2>) {
+    let spans = [(-1.0, 8.0), (4.5, 12.8), (9.0, 19.0), (2.0, 15.0)];
+    let frames: Vec<Se2> = (0..n).map(|_| any_frame(rng)).collect();
+    let maps = frames
+        .iter()
+        .zip(spans)
+        .map(|(t, (from, to))| {
+            let grid = office().draw("robot", t, CELL, |p| p.x > from && p.x < to);
+            LocalMap::new(grid, &Config::default())
+        })
+        .collect();
+    (maps, frames)
+}
+
+/// True poses in the frame of the anchor, and the same a little off: up to 10 cm and 1.5 degrees
+/// at the middle of each map. The anchor's is exact.
+fn perturbed(
+    rng: &mut Pcg64Mcg,
+    maps: &[LocalMap],
+    frames: &[Se2],
+    anchor: usize,
+) -> (Vec<Se2>, Vec<Se2>) {
+    let truth: Vec<Se2> = frames.iter().map(|t| frames[anchor].between(t)).collect();
+    let off = truth
+        .iter()
+        .enumerate()
+        .map(|(k, t)| {
+            if k == anchor {
+                return *t;
+            }
+            let mut r = |most: f64| rng.random_range(-most..most);
+            let (dx, dy, turn) = (r(0.1), r(0.1), r(1.5f64.to_radians()));
+            let center = maps[k].center.unwrap();
+            let turned = Se2::from_parts(center, turn).compose(&Se2::from_parts(-center, 0.0));
+            let moved = t.compose(&turned);
+            Se2::new(moved.x + dx, moved.y + dy, moved.theta)
+        })
+        .collect();
+    (truth, off)
+}
+
+fn is_covariance(c: &Matrix3<f64>) -> bool {
+    let symmetric = (c - c.transpose()).norm() <= 1e-9 * c.norm();
+    c.iter().all(|v| v.is_finite()) && symmetric && c.symmetric_eigenvalues().min() > 0.0
+}
+
+fn worst(maps: &[LocalMap], poses: &[Se2], truth: &[Se2]) -> (f64, f64) {
+    let off = |k: usize| apart(&poses[k], &truth[k], maps[k].center.unwrap());
+    (0..maps.len()).map(off).fold((0.0, 0.0), |m, o| (m.0.max(o.0), m.1.max(o.1)))
+}
+
+#[test]
+fn perturbed_poses_come_back() {
+    for seed in 0..12 {
+        let mut rng = rng(seed);
+        let n = 3 + (seed % 2) as usize;
+        let (maps, frames) = robots(&mut rng, n);
+        let anchor = seed as usize % n;
+        let (truth, off) = perturbed(&mut rng, &maps, &frames, anchor);
+        assert!(worst(&maps, &off, &truth).0 > 0.05, "nothing to refine");
+        let members: Vec<usize> = (0..n).collect();
+        let r = refine(&maps, &members, &off, anchor, &Config::default());
+        let (metres, degrees) = worst(&maps, &r.poses, &truth);
+        assert!(metres < 0.3 * CELL, "seed {seed}: {:.2} cells off", metres / CELL);
+        assert!(degrees < 0.15, "seed {seed}: {degrees:.3} degrees off");
+        assert!(r.rms.unwrap() < 0.7 * CELL, "{:?}", r.rms);
+        assert!(r.edges.len() + 1 >= n && r.edges.iter().all(|(i, j)| i < j && *j < n));
+
+        assert_eq!(r.poses[anchor], off[anchor], "the anchor moved");
+        assert_eq!(r.covariances[anchor], Matrix3::zeros());
+        for (k, c) in r.covariances.iter().enumerate().filter(|(k, _)| *k != anchor) {
+            assert!(is_covariance(c), "seed {seed}, map {k}: {c}");
+            // Walls in all directions: every axis is known to a few cells and degrees.
+            assert!(c[(0, 0)].max(c[(1, 1)]).sqrt() < 0.5, "{c}");
+        }
+    }
+}
+
+/// Members may come in any order and be some of the maps only.
+#[test]
+fn members_are_looked_up_in_the_list_of_maps() {
+    let mut rng = rng(30);
+    let (maps, frames) = robots(&mut rng, 4);
+    let (truth, off) = perturbed(&mut rng, &maps, &frames, 1);
+    let members = [3, 1, 2];
+    let chosen = |poses: &[Se2]| members.map(|m| poses[m]).to_vec();
+    let r = refine(&maps, &members, &chosen(&off), 1, &Config::default());
+    let truth = chosen(&truth);
+    for (k, m) in members.iter().enumerate() {
+        let (metres, _) = apart(&r.poses[k], &truth[k], maps[*m].center.unwrap());
+        assert!(metres < 0.3 * CELL, "map {m}: {:.2} cells off", metres / CELL);
+    }
+}
+
+/// Two views of one bare corridor, 12 m long and open at both ends, along an axis at an angle; the
+/// true pose to start from, and what refinement makes of it.
+fn corridor(angle: f64) -> (Se2, Refined) {
+    let plan = Plan { half: 0.1, ..Plan::default() }
+        .floor([0.0, 0.0, 12.0, 2.0])
+        .wall(&[(-1.0, 0.0), (13.0, 0.0)])
+        .wall(&[(-1.0, 2.0), (13.0, 2.0)]);
+    let draw = |t: Se2| {
+        let grid = plan.draw("corridor", &t, CELL, |p| p.x > 0.0 && p.x < 12.0);
+        LocalMap::new(grid, &Config::default())
+    };
+    let maps = [draw(Se2::new(0.0, 0.0, -angle)), draw(Se2::new(1.0, 0.5, 0.8))];
+    let truth = Se2::new(0.0, 0.0, -angle).between(&Se2::new(1.0, 0.5, 0.8));
+    (truth, refine(&maps, &[0, 1], &[Se2::IDENTITY, truth], 0, &Config::default()))
+}
+
+#[test]
+fn a_bare_corridor_leaves_its_axis_open() {
+    for angle in [0.0, 0.6, 1.5] {
+        let (start, r) = corridor(angle);
+        let c = r.covariances[1];
+        assert!(is_covariance(&c), "{c}");
+        let moved = (r.poses[1].translation() - start.translation()).norm();
+        assert!(moved < 0.05, "at {angle}: slid by {moved:.2} m");
+        let axis = Vec2::new(angle.cos(), angle.sin());
+        let across = Vec2::new(-axis.y, axis.x);
+        let shift = c.fixed_view::<2, 2>(0, 0).into_owned();
+        let along = axis.dot(&(shift * axis)).sqrt();
+        let across = across.dot(&(shift * across)).sqrt();
+        assert!(along > 3.0, "at {angle}: {along:.2} m along the corridor");
+        assert!(across < 0.1, "at {angle}: {across:.2} m across it");
+        assert!(c[(2, 2)].sqrt() < 0.05, "at {angle}: {:.3} rad", c[(2, 2)].sqrt());
+    }
+}
+
+/// Maps that share no walls keep their poses, and their covariance says that nothing is known.
+#[test]
+fn without_common_walls_nothing_moves() {
+    let mut rng = rng(40);
+    let (maps, frames) = robots(&mut rng, 2);
+    let far = [Se2::IDENTITY, frames[0].between(&frames[1]).compose(&Se2::new(70.0, 0.0, 0.0))];
+    let r = refine(&maps, &[0, 1], &far, 0, &Config::default());
+    assert_eq!(r.poses, far);
+    assert!(r.edges.is_empty() && r.rms.is_none());
+    assert!(is_covariance(&r.covariances[1]) && r.covariances[1][(0, 0)] > 25.0);
+
+    let alone = refine(&maps, &[1], &[Se2::new(1.0, 2.0, 3.0)], 0, &Config::default());
+    assert_eq!(alone.poses, [Se2::new(1.0, 2.0, 3.0)]);
+    assert_eq!(alone.covariances, [Matrix3::zeros()]);
+}

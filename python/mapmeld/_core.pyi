@@ -1,0 +1,121 @@
+"""The Rust core as Python sees it. Frames, units and meanings: the docs of mapmeld-core.
+
+Poses are (x, y, theta) in metres and radians; T_a_b takes coordinates of map b to map a. `config` is always
+JSON text, partial or whole. mapmeld.merging and mapmeld.map_features are the same with names and checks.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TypedDict, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "LocalMap",
+    "__version__",
+    "candidates",
+    "default_config",
+    "effective_config",
+    "merge",
+    "perceive",
+    "register",
+]
+
+__version__: str
+
+class _Evidence(TypedDict):
+    log_likelihood: float
+    hits: float
+    misses: float
+    opposed: float
+    conflicts: float
+    shared_length: float
+    agreement: float
+    second_direction: float
+
+class _Mode(_Evidence):
+    T_a_b: list[float]
+    covariance: list[list[float]]
+    log_odds: float
+    source: str
+
+class _Boundary(TypedDict):
+    position: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+class _Lines(TypedDict):
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+class _Corners(TypedDict):
+    vertex: NDArray[np.float64]
+    arm0: NDArray[np.float64]
+    arm1: NDArray[np.float64]
+    lengths: NDArray[np.float64]
+    opening: list[float]
+    opening_sigma: list[float]
+
+class _Placement(TypedDict):
+    component: int | None
+    T_component_map: list[float] | None
+    covariance: list[list[float]]
+    status: str
+    probability: float
+
+class _Step(TypedDict):
+    effective_sample_size: float
+    resampled: bool
+    log_evidence: float
+
+class _Component(TypedDict):
+    reference: int
+    order: list[int]
+    rms: float | None
+    conflict_cells: int
+    shared_cells: int
+    steps: list[_Step]
+    data: NDArray[np.int8]
+    resolution: float
+    origin: list[float]
+
+class _Hypothesis(TypedDict):
+    probability: float
+    maps: list[tuple[int, int, list[float]]]
+
+class _Pair(TypedDict):
+    a: int
+    b: int
+    candidates: int
+    decoy_log_likelihood: float | None
+    modes: list[_Mode]
+
+class _Merge(TypedDict):
+    maps: list[_Placement]
+    components: list[_Component]
+    hypotheses: list[_Hypothesis]
+    pairs: list[_Pair]
+    seconds: dict[str, float]
+
+@final
+class LocalMap:
+    def __new__(
+        cls, name: str, data: NDArray[np.int8], resolution: float, origin: Sequence[float], config: str
+    ) -> LocalMap: ...
+    def boundary(self) -> _Boundary: ...
+    def lines(self) -> _Lines: ...
+    def corners(self) -> _Corners: ...
+    def class_counts(self) -> tuple[int, int, int]: ...
+
+def default_config() -> str: ...
+def effective_config(config: str) -> str: ...
+def register(a: LocalMap, b: LocalMap, config: str) -> tuple[int, list[_Mode]]: ...
+def perceive(a: LocalMap, b: LocalMap, poses: Sequence[Sequence[float]], config: str) -> list[_Evidence]: ...
+def candidates(a: LocalMap, b: LocalMap, config: str) -> list[tuple[str, list[float]]]: ...
+def merge(
+    maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],
+    config: str,
+    order: Sequence[int] | None = None,
+    reference: int | None = None,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> _Merge: ...

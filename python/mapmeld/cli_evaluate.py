@@ -1,0 +1,35 @@
+"""`mapmeld evaluate`: the errors of a result against a truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapmeld.cli_common import print_json, reported
+
+
+@reported
+def evaluate(
+    result: Annotated[Path, typer.Argument(help="result.json of a merge.", show_default=False)],
+    truth: Annotated[Path, typer.Argument(help="truth.json of its case.", show_default=False)],
+    maps: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the maps; that of the truth if not given.", show_default=False),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Measure the errors of every map and pair against the truth.
+
+    Translation errors are measured at the centre of a map's known cells.
+    """
+    from mapmeld.metrics import evaluate_files
+
+    evaluation = evaluate_files(result, truth, maps)
+    if json:
+        print_json(evaluation.to_dict())
+    else:
+        from mapmeld.metrics_view import format_table
+
+        print(format_table(evaluation))

@@ -1,0 +1,82 @@
+"""Shows a merge on a terminal: the summary table, warnings, details."""
+
+from __future__ import annotations
+
+import math
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from mapmeld.result import MergeResult, PlacedMap
+
+_NONE = "-"
+"""What stands for a value that does not exist. Never 0: a pose of 0 is a claim."""
+
+
+def summary_table(result: MergeResult) -> Table:
+    """A row a map: component, pose in its frame, standard deviations, status, probability."""
+    table = Table(box=box.MARKDOWN)
+    table.add_column("map", overflow="fold")
+    for head in ("comp", "x m", "y m", "theta deg", "sd x", "sd y", "sd theta"):
+        table.add_column(head, justify="right")
+    table.add_column("status")
+    table.add_column("p", justify="right")
+    for placed in result.maps:
+        # Text, not str: rich would read [brackets] in a map's name as markup.
+        table.add_row(*(Text(cell) for cell in _cells(placed, result)))
+    return table
+
+
+def warnings(result: MergeResult) -> list[str]:
+    """What a user must know before using the merged map, a sentence a line."""
+    lines = []
+    parts = len(result.merged_maps)
+    if parts > 1:
+        lines.append(
+            f"the maps fall into {parts} components that share no evidence; each is a merged map of its own"
+        )
+    by_status = {
+        "ambiguous": "could lie elsewhere nearly as probably (see hypotheses in result.json)",
+        "blank": "holds no known cell, so it is placed nowhere",
+    }
+    for status, meaning in by_status.items():
+        lines += [f"map {m.name}: {meaning}" for m in result.maps if m.status == status]
+    return lines
+
+
+def details(result: MergeResult) -> list[str]:
+    """Components, hypotheses, pairs and times, a line each."""
+    lines = []
+    for k, c in enumerate(result.components):
+        rms = "" if c.rms_m is None else f", walls fit to {c.rms_m * 100:.1f} cm"
+        size = "" if c.merged is None else f", {c.merged.width} x {c.merged.height} cells"
+        conflicts = (
+            f", {c.conflict_cells} of {c.shared_cells} shared cells in conflict" if c.shared_cells else ""
+        )
+        lines.append(f"component {k}: {' > '.join(c.order)}{rms}{size}{conflicts}")
+    lines.append("hypotheses: " + ", ".join(f"{h.probability:.3f}" for h in result.hypotheses))
+    for p in result.pairs:
+        if p.modes:
+            best = p.modes[0]
+            lines.append(
+                f"pair {p.a}, {p.b}: log odds {best.log_odds:.1f}, {best.shared_length:.1f} m shared, "
+                f"{len(p.modes)} modes of {p.candidates} candidates"
+            )
+        else:
+            lines.append(f"pair {p.a}, {p.b}: no mode of {p.candidates} candidates")
+    lines.append("seconds: " + ", ".join(f"{stage} {s:.3f}" for stage, s in result.seconds.items()))
+    return lines
+
+
+def _cells(m: PlacedMap, result: MergeResult) -> list[str]:
+    if m.T_component_map is None:
+        return [m.name, str(m.component), *[_NONE] * 6, m.status, _NONE]
+    x, y, theta = m.T_component_map.tolist()
+    if result.components[m.component].reference == m.name:
+        deviations = [_NONE] * 3
+    else:
+        sx, sy, st = (math.sqrt(max(v, 0.0)) for v in m.covariance.diagonal().tolist())
+        deviations = [f"{sx:.3f}", f"{sy:.3f}", f"{math.degrees(st):.2f}"]
+    pose = [f"{x:.3f}", f"{y:.3f}", f"{math.degrees(theta):.2f}"]
+    return [m.name, str(m.component), *pose, *deviations, m.status, f"{m.probability:.2f}"]

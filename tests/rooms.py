@@ -17,7 +17,7 @@ from mapmeld.map_io import write_map
 
 RESOLUTION = 0.1
 
-# Walls as (x0, y0, x1, y1) in metres: rooms of different sizes, so that no turn or shift fits but the true one.
+# Walls as (x0, y0, x1, y1) in metres: rooms of different sizes, so that only the true placement fits.
 WALLS = [
     (0, 0, 14, 0.2),
     (0, 8, 14.2, 8.2),
@@ -67,7 +67,7 @@ def hall(name: str = "hall") -> OccupancyGrid:
     """A plain small hall that has nothing in common with the building."""
     data = np.zeros((30, 45), dtype=np.int8)
     data[[0, -1], :] = data[:, [0, -1]] = 100
-    data[10:14, 20:31] = 100
+    data[10:18, 20:31] = 100
     return OccupancyGrid(data, 0.1, (-1.0, 2.0, 0.0), name)
 
 

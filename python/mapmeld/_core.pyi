@@ -39,6 +39,14 @@ class _Mode(_Evidence):
     log_odds: float
     source: str
 
+class _Perception(TypedDict):
+    psi: NDArray[np.float64]
+    gamma: NDArray[np.float64]
+    psi_normalised: NDArray[np.float64]
+    gamma_normalised: NDArray[np.float64]
+    product: NDArray[np.float64]
+    walls: list[_Evidence]
+
 class _Boundary(TypedDict):
     position: NDArray[np.float64]
     normal: NDArray[np.float64]
@@ -110,7 +118,7 @@ class LocalMap:
 def default_config() -> str: ...
 def effective_config(config: str) -> str: ...
 def register(a: LocalMap, b: LocalMap, config: str) -> tuple[int, list[_Mode]]: ...
-def perceive(a: LocalMap, b: LocalMap, poses: Sequence[Sequence[float]], config: str) -> list[_Evidence]: ...
+def perceive(a: LocalMap, b: LocalMap, poses: Sequence[Sequence[float]], config: str) -> _Perception: ...
 def candidates(a: LocalMap, b: LocalMap, config: str) -> list[tuple[str, list[float]]]: ...
 def merge(
     maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],

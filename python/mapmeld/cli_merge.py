@@ -175,10 +175,11 @@ def _check_json(path: Path, maps: list[Path]) -> None:
 
 
 _STAGES = {
-    "prepare": "maps read",
+    "prepare": "maps prepared",
     "register": "pairs registered",
     "filter": "maps placed",
-    "refine": "refined",
+    "join": "parts joined",
+    "fuse": "maps fused",
 }
 
 
@@ -193,7 +194,7 @@ def _progress(quiet: bool) -> Iterator[Progress | None]:
 
     columns = (TextColumn("{task.description:>16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(_STAGES["prepare"])
+        task = bar.add_task(_STAGES["prepare"], total=None)
 
         def show(stage: str, done: int, total: int) -> None:
             bar.update(task, description=_STAGES.get(stage, stage), completed=done, total=total)

@@ -36,11 +36,13 @@ def effective_config(config: Mapping[str, Any], source: str = "config") -> dict[
     source: what messages call the place that the options come from. Raises ConfigError, naming it and the
     key, for a key that does not exist and a value of a wrong type or out of range.
     """
-    plain = _plain(config, "", source)
     try:
+        plain = _plain(config, "", source)
         options: dict[str, Any] = json.loads(_core.effective_config(json.dumps(plain)))
+    except RecursionError:
+        raise ConfigError(f"{source}: is nested too deeply; write stages and their options") from None
     except ConfigError as error:
-        raise ConfigError(one_line(f"{source}: {str(error).removeprefix('config: ')}")) from None
+        raise ConfigError(one_line(f"{source}: {_without_prefix(str(error), source)}")) from None
     return options
 
 
@@ -100,6 +102,10 @@ def overlay(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
+def _without_prefix(message: str, source: str) -> str:
+    return message.removeprefix(f"{source}: ").removeprefix("config: ")
+
+
 def _parse(text: str, source: str) -> Any:
     try:
         loader = Loader(text)
@@ -144,12 +150,8 @@ def _plain(value: Any, path: str, source: str) -> Any:
     is_number = isinstance(value, int | float)
     if not (value is None or is_number or isinstance(value, str)):
         problem = f"{value!r} is neither a number nor a name"
-    elif (isinstance(value, float) and not math.isfinite(value)) or (is_number and abs(value) >= 1 << 64):
-        problem = (
-            f"{value} is no number to work with"
-            if abs(value) < 1e30
-            else "the number is not finite or too large"
-        )
+    elif is_number and (abs(value) >= 1 << 64 or not math.isfinite(value)):
+        problem = f"{value} is not finite or too large"
     else:
         return value
     raise ConfigError(one_line(f"{source}: {path.rstrip('.') or '(whole)'}: {problem}"))

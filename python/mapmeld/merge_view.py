@@ -16,12 +16,13 @@ _NONE = "-"
 
 def summary_table(result: MergeResult) -> Table:
     """A row a map: component, pose in its frame, standard deviations, status, probability."""
-    table = Table(box=box.MARKDOWN)
+    # Narrow enough for 80 columns with names of ten letters; numbers are never cut.
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("map", overflow="fold")
     for head in ("comp", "x m", "y m", "theta deg", "sd x", "sd y", "sd theta"):
-        table.add_column(head, justify="right")
-    table.add_column("status")
-    table.add_column("p", justify="right")
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("status", no_wrap=True)
+    table.add_column("p", justify="right", no_wrap=True)
     for placed in result.maps:
         # Text, not str: rich would read [brackets] in a map's name as markup.
         table.add_row(*(Text(cell) for cell in _cells(placed, result)))
@@ -70,7 +71,7 @@ def details(result: MergeResult) -> list[str]:
 
 
 def _cells(m: PlacedMap, result: MergeResult) -> list[str]:
-    if m.T_component_map is None:
+    if m.T_component_map is None or m.covariance is None:
         return [m.name, str(m.component), *[_NONE] * 6, m.status, _NONE]
     x, y, theta = m.T_component_map.tolist()
     if result.components[m.component].reference == m.name:

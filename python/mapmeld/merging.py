@@ -19,8 +19,8 @@ from mapmeld.map_yaml import one_line
 from mapmeld.result import Component, Hypothesis, HypothesisMap, MergeResult, Mode, Pair, PlacedMap
 
 Progress = Callable[[str, int, int], object]
-"""Hears (stage, done, total); stages: "prepare" (maps), "register" (pairs), "filter" (maps), "refine"
-(components)."""
+"""Hears (stage, done, total), stages in the order of the work: "prepare" (maps), "register" (pairs), "filter"
+(maps placed), "join" and "fuse" (components)."""
 
 # More names than this in a message hide what it says.
 _MOST_NAMES = 20
@@ -164,7 +164,7 @@ def _result(
                 name=name,
                 component=component,
                 T_component_map=None if T is None else _array(T),
-                covariance=_array(p["covariance"]),
+                covariance=None if T is None else _array(p["covariance"]),
                 status=p["status"],
                 probability=_share(p["probability"]),
             )

@@ -77,6 +77,12 @@ def replace_file(path: Path, content: bytes) -> None:
                 draft.unlink(missing_ok=True)
 
 
+def make_folder(path: Path) -> None:
+    """Makes a folder and those above it, where they are not there."""
+    with _saying(path):
+        path.mkdir(parents=True, exist_ok=True)
+
+
 class OutputFolder:
     """A folder that gets its files all at once: they are written to `staged`, then moved by `commit`.
 

@@ -59,7 +59,8 @@ def draw_report(path: str | Path, result: MergeResult, maps: Sequence[OccupancyG
     from matplotlib.figure import Figure
 
     panels = _panels(result)
-    figure = Figure(figsize=_size(panels, result), dpi=_DPI, layout="constrained")
+    figure = Figure(figsize=_size(panels, result), dpi=_DPI)
+    figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.12)
     FigureCanvasAgg(figure)
     for axes, panel in zip(_axes(figure, panels), panels, strict=True):
         _draw_panel(axes, panel, result, maps)
@@ -166,7 +167,7 @@ def _title(panel: _Panel, result: MergeResult) -> str:
         text = f"map {panel.members[0]} alone"
     else:
         text = f"merge order {_ARROW.join(str(i) for i in panel.members)}"
-    lines = textwrap.wrap(text, 48 if panel.is_large else 26)
+    lines = textwrap.wrap(text, 66 if panel.is_large else 26)
     if len(result.components) > 1:
         lines.insert(0, f"component {panel.component}")
     return "\n".join(lines)
@@ -227,6 +228,7 @@ def _draw_legend(figure: Any, result: MergeResult) -> None:
         Patch(
             facecolor="white" if placed.T_component_map is None else map_colour(i),
             edgecolor=map_colour(i),
+            linewidth=2,
             label=_label(i, result),
         )
         for i, placed in enumerate(result.maps)

@@ -21,7 +21,8 @@ class PlacedMap:
     component: index into the result's components, 0 the one of most maps.
     T_component_map: (x, y, theta), float64 (3,), metres and radians: takes map coordinates to the frame of
         the component, which is that of its reference map. None for a blank map.
-    covariance: float64 (3, 3), of (x, y, theta) relative to the reference map, whose own is zero.
+    covariance: float64 (3, 3), of (x, y, theta) relative to the reference map, whose own is zero. None for a
+        blank map.
     status: "merged", "ambiguous" (merged, while another place is nearly as probable), "no evidence" (no other
         map shares enough walls with it: a component of its own) or "blank" (nothing is known in it).
     probability: that the map lies where T_component_map says, 0..1; 0 for a blank map.
@@ -30,7 +31,7 @@ class PlacedMap:
     name: str
     component: int
     T_component_map: NDArray[np.float64] | None
-    covariance: NDArray[np.float64]
+    covariance: NDArray[np.float64] | None
     status: str
     probability: float
 

@@ -108,7 +108,8 @@ fn fit_normal(
         }
     });
     mean /= n;
-    let (cxx, cxy, cyy) = (xx / n - mean.x * mean.x, xy / n - mean.x * mean.y, yy / n - mean.y * mean.y);
+    let (cxx, cxy, cyy) =
+        (xx / n - mean.x * mean.x, xy / n - mean.x * mean.y, yy / n - mean.y * mean.y);
     let spread = ((cxx - cyy).powi(2) + 4.0 * cxy * cxy).sqrt();
     let trace = cxx + cyy;
     let straightness = if trace > 1e-9 { spread / trace } else { 0.0 };

@@ -101,7 +101,8 @@ impl Cluster {
                 inner[0].poses =
                     clusters[*k].members.iter().copied().zip(clusters[*k].poses.clone()).collect();
                 let inner = if i == 0 { &inner[..] } else { &inner[..1] };
-                of_world = of_world.iter().flat_map(|a| inner.iter().map(|b| a.with(b, t))).collect();
+                of_world =
+                    of_world.iter().flat_map(|a| inner.iter().map(|b| a.with(b, t))).collect();
                 of_world.sort_by(|a, b| b.probability.total_cmp(&a.probability));
                 of_world.truncate(MAX_WORLDS);
             }

@@ -138,9 +138,14 @@ mod tests {
     #[test]
     fn equals_brute_force() {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
-        for (w, h, p) in
-            [(1, 1, 0.5), (40, 1, 0.05), (1, 40, 0.05), (37, 53, 0.002), (45, 30, 0.05), (8, 9, 0.9)]
-        {
+        for (w, h, p) in [
+            (1, 1, 0.5),
+            (40, 1, 0.05),
+            (1, 40, 0.05),
+            (37, 53, 0.002),
+            (45, 30, 0.05),
+            (8, 9, 0.9),
+        ] {
             for _ in 0..10 {
                 let set: Vec<bool> = (0..w * h).map(|_| rng.random_bool(p)).collect();
                 let table = DistanceTable::to_set(&set, w, h);

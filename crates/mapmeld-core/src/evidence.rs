@@ -4,10 +4,10 @@ use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::filter::Particle;
 use crate::local_map::LocalMap;
-use crate::merge::Placement;
 use crate::perception::Overlay;
-use crate::se2::Se2;
 use crate::registration::SAME_WORLD;
+use crate::result::Placement;
+use crate::se2::Se2;
 use nalgebra::Matrix3;
 
 /// The standing of a map.

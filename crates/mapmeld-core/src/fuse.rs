@@ -59,8 +59,7 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
     let lines = parallel::map(&rows, |row| {
         let mut line = Line { cells: vec![UNKNOWN; width], conflicts: 0, shared: 0 };
         let mut seen: Vec<Class> = Vec::with_capacity(placed.len());
-        let locators: Vec<_> =
-            placed.iter().map(|(g, t)| g.locator_from(&t.inverse())).collect();
+        let locators: Vec<_> = placed.iter().map(|(g, t)| g.locator_from(&t.inverse())).collect();
         for col in 0..width {
             let p = frame.cell_center(*row, col);
             seen.clear();
@@ -150,7 +149,8 @@ fn known_bounds(placed: &[(&OccupancyGrid, Se2)]) -> Option<(Vec2, Vec2)> {
             let line = &g.cells()[row * w..(row + 1) * w];
             let known = |v: &i8| class_of(*v) != Class::Unknown;
             // The row's first and last known cells span it; a rigid motion keeps it so.
-            let (Some(a), Some(b)) = (line.iter().position(known), line.iter().rposition(known)) else {
+            let (Some(a), Some(b)) = (line.iter().position(known), line.iter().rposition(known))
+            else {
                 continue;
             };
             for (c, r) in [(a, row), (a, row + 1), (b + 1, row), (b + 1, row + 1)] {

@@ -147,9 +147,7 @@ impl OccupancyGrid {
                 sc += i % self.width;
             }
         }
-        (n > 0).then(|| {
-            self.grid_to_map(sc as f64 / n as f64 + 0.5, sr as f64 / n as f64 + 0.5)
-        })
+        (n > 0).then(|| self.grid_to_map(sc as f64 / n as f64 + 0.5, sr as f64 / n as f64 + 0.5))
     }
 }
 

@@ -102,14 +102,8 @@ impl LocalMap {
         let g = &self.grid;
         let cells: Vec<i8> =
             g.cells().chunks_exact(g.width()).flat_map(|row| row.iter().rev().copied()).collect();
-        let grid = OccupancyGrid::new(
-            g.name(),
-            g.width(),
-            g.height(),
-            g.resolution(),
-            g.origin(),
-            cells,
-        );
+        let grid =
+            OccupancyGrid::new(g.name(), g.width(), g.height(), g.resolution(), g.origin(), cells);
         Self::new(grid.expect("as valid as the map it mirrors"), config)
     }
 
@@ -141,18 +135,16 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
     let w = grid.width();
     let of_class =
         grid.cells().iter().enumerate().filter(|(_, v)| class_of(**v) == class).map(|(i, _)| i);
-    // The step is spread so that the first and the last rows weigh alike.
+    // The k-th kept cell is cell k * total / kept: spread evenly, so that all rows weigh alike.
     let kept = total.min(max);
     let mut next = 0;
-    let centers: Vec<Vec2> = of_class
-        .enumerate()
-        .filter_map(|(k, i)| {
-            (next < kept && k == next * total / kept).then(|| {
-                next += 1;
-                grid.cell_center(i / w, i % w)
-            })
-        })
-        .collect();
+    let mut centers: Vec<Vec2> = Vec::with_capacity(kept);
+    for (k, i) in of_class.enumerate() {
+        if next < kept && k == next * total / kept {
+            next += 1;
+            centers.push(grid.cell_center(i / w, i % w));
+        }
+    }
     let scale = if centers.is_empty() { 0.0 } else { total as f64 / centers.len() as f64 };
     ClassCells { centers, scale }
 }

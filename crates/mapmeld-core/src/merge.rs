@@ -1,105 +1,20 @@
 //! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
 
 use crate::cluster::Cluster;
-use crate::config::{Config, PerceptionConfig};
+use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::evidence::{self, Hypothesis, Status, World};
+use crate::evidence::{self, World};
 use crate::filter::{ParticleFilter, Step};
-use crate::fuse::{self, Fused};
+use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
-use crate::perception::noise;
+use crate::perception::noise::{self, Learnt};
 use crate::registration::{pair, PairModes};
+use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::virtual_robot::{PairTable, VirtualRobot};
-use nalgebra::Matrix3;
 use std::time::Instant;
-
-/// What the caller knows beside the maps.
-#[derive(Debug, Clone, Default)]
-pub struct Known {
-    /// The order in which the maps connect (indices; maps left out come after, in any order).
-    pub order: Option<Vec<usize>>,
-    /// The map whose frame is the world.
-    pub reference: Option<usize>,
-}
-
-/// Where a map ended up.
-#[derive(Debug, Clone)]
-pub struct Placement {
-    /// Component, from 0 (the largest); none for a blank map.
-    pub component: Option<usize>,
-    /// `T_component_map`; none for a blank map.
-    pub t_component_map: Option<Se2>,
-    /// Covariance of the pose relative to the component's reference map.
-    pub covariance: Matrix3<f64>,
-    /// In what standing.
-    pub status: Status,
-    /// Probability that the map lies where `t_component_map` says, given the hypotheses.
-    pub probability: f64,
-}
-
-/// The trajectory of the virtual robot through one component, and how the filter fared.
-#[derive(Debug, Clone)]
-pub struct Component {
-    /// The map whose frame is the component's.
-    pub reference: usize,
-    /// Maps in the order in which the most probable particles merged them.
-    pub order: Vec<usize>,
-    /// The filter's steps.
-    pub steps: Vec<Step>,
-    /// Root mean square of the walls' residuals after the joint refinement, metres.
-    pub rms: Option<f64>,
-    /// The merged map.
-    pub fused: Fused,
-}
-
-/// All that a merge found.
-#[derive(Debug, Clone)]
-pub struct Merge {
-    /// One a map, in the order given.
-    pub placements: Vec<Placement>,
-    /// Components, those of most maps first.
-    pub components: Vec<Component>,
-    /// Whole worlds that fit, most probable first.
-    pub hypotheses: Vec<Hypothesis>,
-    /// Registration of every pair.
-    pub pairs: Vec<PairModes>,
-    /// Seconds by stage.
-    pub seconds: Vec<(&'static str, f64)>,
-}
-
-/// Stages of a merge, as an observer hears of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Classes, boundary, lines, corners and tables of each map.
-    Prepare,
-    /// Registration of each pair.
-    Register,
-    /// Steps of the filter.
-    Filter,
-    /// Travel among the merged maps.
-    Join,
-    /// Fusion of each component.
-    Fuse,
-}
-
-impl Stage {
-    /// Name in results.
-    pub fn name(self) -> &'static str {
-        match self {
-            Stage::Prepare => "prepare",
-            Stage::Register => "register",
-            Stage::Filter => "filter",
-            Stage::Join => "join",
-            Stage::Fuse => "fuse",
-        }
-    }
-}
-
-/// Hears (stage, done, total) and answers whether to go on.
-pub type Observer<'a> = &'a (dyn Fn(Stage, usize, usize) -> bool + Sync);
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
 /// the number of threads.
@@ -128,20 +43,31 @@ fn run(
 
     // Section 3: the possible motions u_t of every pair, once for all particles. What a contradiction
     // weighs is learnt from the pairs that fit best.
-    let (pairs, perception) = register_all(&maps, |_, _| Vec::new(), config, observer)?;
-    let configured_conflict = config.perception.conflict;
-    let config = &Config { perception, ..config.clone() };
+    let mut found = register_all(&maps, |_, _| Vec::new(), config, observer)?;
+    let learnt = noise::learn(&config.perception, &found, maps.len());
+    noise::reweigh(&mut found, &config.perception, &learnt.perception);
+    let pairs = PairTable::new(maps.len(), found);
+    let config = &Config { perception: learnt.perception.clone(), ..config.clone() };
     clock.lap("register");
 
     // Sections 2 and 4: the virtual robot travels through each component.
-    let mut clusters: Vec<Cluster> = travel(&maps, &pairs, known, config, configured_conflict, observer)?
+    let robot = VirtualRobot {
+        maps: &maps,
+        pairs: &pairs,
+        open: maps.iter().map(|m| !m.is_blank()).collect(),
+        order: known.order.as_deref(),
+        config,
+        learnt: &learnt,
+        members: &[],
+    };
+    let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
         .map(|(worlds, steps)| Cluster::new(&maps, worlds, steps, config))
         .collect();
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    while let Some(joined) = join(&maps, &pairs, &clusters, known, config, configured_conflict, observer)? {
+    while let Some(joined) = join(&maps, &pairs, &clusters, known, config, &learnt, observer)? {
         clusters = joined;
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
@@ -164,56 +90,46 @@ fn run(
     Ok(Merge { placements, components, hypotheses, pairs: pairs.into_pairs(), seconds: clock.laps })
 }
 
-/// Registers every pair, hinted at some transforms, and fits the perception model to what they show.
+/// Registers every pair, each hinted at some transforms.
 fn register_all(
     maps: &[LocalMap],
     hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
     config: &Config,
     observer: Observer,
-) -> Result<(PairTable, PerceptionConfig)> {
+) -> Result<Vec<PairModes>> {
     let n = maps.len();
     let mirrored = observed(maps, Stage::Register, observer, |m| m.mirrored(config))?;
-    let todo: Vec<(usize, usize)> =
-        (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
-    let mut found = observed(&todo, Stage::Register, observer, |(a, b)| {
+    let todo: Vec<(usize, usize)> = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
+    observed(&todo, Stage::Register, observer, |(a, b)| {
         pair::register(&maps[*a], &maps[*b], Some(&mirrored[*b]), &hints(*a, *b), (*a, *b), config)
-    })?;
-    let perception = noise::adapt(&config.perception, &found, n);
-    noise::reweigh(&mut found, &config.perception, &perception);
-    Ok((PairTable::new(n, found), perception))
+    })
 }
 
 /// Lets the virtual robot travel from a reference as far as the evidence carries, then from another
 /// one through the maps that are left. One list of worlds, most probable first, for each travel.
 fn travel(
-    maps: &[LocalMap],
-    pairs: &PairTable,
+    mut robot: VirtualRobot,
     known: &Known,
-    config: &Config,
-    configured_conflict: f64,
     observer: Observer,
 ) -> Result<Vec<(Vec<World>, Vec<Step>)>> {
-    let mut open: Vec<bool> = maps.iter().map(|m| !m.is_blank()).collect();
     let mut travelled = Vec::new();
-    while let Some(reference) = choose_reference(pairs, &open, known) {
-        let order = known.order.as_deref();
-        let robot = VirtualRobot { maps, pairs, open: &open, order, config, configured_conflict };
-        let f = &config.filter;
-        let seed = config.seed.wrapping_add(travelled.len() as u64);
+    while let Some(reference) = choose_reference(robot.pairs, &robot.open, known) {
+        let f = &robot.config.filter;
+        let seed = robot.config.seed.wrapping_add(travelled.len() as u64);
         let mut filter =
             ParticleFilter::new(robot.start(reference), f.particles, f.resample_below, seed);
         let mut steps = Vec::new();
         loop {
-            let visited = open.iter().filter(|o| !**o).count() + steps.len();
-            observe(observer, Stage::Filter, visited, maps.len())?;
+            let visited = robot.open.iter().filter(|o| !**o).count() + steps.len();
+            observe(observer, Stage::Filter, visited, robot.open.len())?;
             let step = filter.step(&robot);
             if step.advanced == 0 {
                 break;
             }
             steps.push(step);
         }
-        let worlds = evidence::worlds(maps, filter.particles());
-        worlds[0].poses.iter().for_each(|(m, _)| open[*m] = false);
+        let worlds = evidence::worlds(robot.maps, filter.particles());
+        worlds[0].poses.iter().for_each(|(m, _)| robot.open[*m] = false);
         travelled.push((worlds, steps));
     }
     Ok(travelled)
@@ -226,7 +142,7 @@ fn join(
     clusters: &[Cluster],
     known: &Known,
     config: &Config,
-    configured_conflict: f64,
+    learnt: &Learnt,
     observer: Observer,
 ) -> Result<Option<Vec<Cluster>>> {
     // Single maps alone tell nothing that their pairs have not told.
@@ -237,12 +153,21 @@ fn join(
         .into_iter()
         .collect::<Result<Vec<_>>>()?;
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
-    let (pairs, perception) = register_all(&merged, hints, config, observer)?;
-    let config = &Config { perception, ..config.clone() };
+    let pairs = PairTable::new(merged.len(), register_all(&merged, hints, config, observer)?);
     let first = known.reference.or_else(|| known.order.as_ref()?.first().copied());
     let reference = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
     let known = Known { order: None, reference };
-    let travelled = travel(&merged, &pairs, &known, config, configured_conflict, observer)?;
+    let members: Vec<usize> = clusters.iter().map(|c| c.members.len()).collect();
+    let robot = VirtualRobot {
+        maps: &merged,
+        pairs: &pairs,
+        open: vec![true; merged.len()],
+        order: None,
+        config,
+        learnt,
+        members: &members,
+    };
+    let travelled = travel(robot, &known, observer)?;
     if travelled.len() == clusters.len() {
         return Ok(None);
     }

@@ -48,8 +48,7 @@ pub fn refine(
     let n = members.len();
     let mut poses = poses.to_vec();
     let edges = overlapping(maps, members, &poses, config);
-    let resolution =
-        members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
+    let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let narrow = config.refine.kernel.unwrap_or(2.0 * resolution);
     let reach = members.iter().map(|m| maps[*m].reach()).fold(f64::INFINITY, f64::min);
     let mut scale = (0.5 * reach).max(narrow);
@@ -78,10 +77,15 @@ pub fn refine(
             break;
         }
     }
-    let (h, _, squares, weight) =
-        normal_equations(maps, members, &poses, &edges, anchor, narrow);
+    let (h, _, squares, weight) = normal_equations(maps, members, &poses, &edges, anchor, narrow);
     let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
-    Refined { covariances: covariances(h, anchor, n, resolution, config), poses, rms, edges, iterations }
+    Refined {
+        covariances: covariances(h, anchor, n, resolution, config),
+        poses,
+        rms,
+        edges,
+        iterations,
+    }
 }
 
 /// Pairs of members whose walls agree at the given poses.
@@ -138,8 +142,12 @@ fn normal_equations(
 
 /// Residuals of walls of b on walls of a, and the other way round, in the world frame.
 fn block(a: &LocalMap, b: &LocalMap, t_w_a: &Se2, t_w_b: &Se2, scale: f64) -> Block {
-    let mut out =
-        Block { h: nalgebra::Matrix6::zeros(), g: nalgebra::Vector6::zeros(), squares: 0.0, weight: 0.0 };
+    let mut out = Block {
+        h: nalgebra::Matrix6::zeros(),
+        g: nalgebra::Vector6::zeros(),
+        squares: 0.0,
+        weight: 0.0,
+    };
     let (ra, rb) = (t_w_a.to_rigid(), t_w_b.to_rigid());
     // The wall turns with its own map, so both Jacobians are taken at the other map's point.
     let mut add = |point: Vec2, normal: Vec2, residual: f64, sign: f64| {
@@ -172,7 +180,9 @@ fn each_match(
 ) {
     let view = to.field_view(t_to_from);
     for s in &from.samples {
-        let Some(k) = view.cell(s.position).and_then(|c| view.nearest(c, s.normal)) else { continue };
+        let Some(k) = view.cell(s.position).and_then(|c| view.nearest(c, s.normal)) else {
+            continue;
+        };
         let wall = &to.boundary[k];
         let point = t_w_from.apply(s.position);
         let normal = t_w_to.rotate(wall.normal);

@@ -196,13 +196,9 @@ mod tests {
 
     /// Elements near zero, near pi, far out: where implementations break.
     fn nasty() -> Vec<Se2> {
-        let angles =
-            [0.0, 1e-12, -1e-7, 1e-3, 0.5, PI / 2.0, PI - 1e-7, -PI + 1e-9, PI, 3.0, -2.0];
+        let angles = [0.0, 1e-12, -1e-7, 1e-3, 0.5, PI / 2.0, PI - 1e-7, -PI + 1e-9, PI, 3.0, -2.0];
         let shifts = [(0.0, 0.0), (1e-9, -1e-9), (1.0, 2.0), (-300.0, 41.5)];
-        angles
-            .iter()
-            .flat_map(|a| shifts.iter().map(move |(x, y)| Se2::new(*x, *y, *a)))
-            .collect()
+        angles.iter().flat_map(|a| shifts.iter().map(move |(x, y)| Se2::new(*x, *y, *a))).collect()
     }
 
     fn assert_same(a: &Se2, b: &Se2) {

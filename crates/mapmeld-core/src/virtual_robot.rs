@@ -7,6 +7,7 @@
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
 use crate::local_map::LocalMap;
+use crate::perception::noise::Learnt;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
 use crate::registration::pair::{inverse, log_gaussian_mass, log_search_volume};
@@ -51,8 +52,7 @@ impl PairTable {
         let modes = self.pairs[k as usize].modes.iter();
         modes
             .map(|m| {
-                let (t, covariance) =
-                    if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
+                let (t, covariance) = if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
                 (t, covariance, m.evidence.log_likelihood)
             })
             .collect()
@@ -89,6 +89,9 @@ pub struct NextPose {
     gamma: f64,
 }
 
+/// Maps that a merged map is made of before it counts as large.
+const LARGE: usize = 3;
+
 /// The filter's model for maps.
 pub struct VirtualRobot<'a> {
     /// The local maps: the sensor readings.
@@ -96,13 +99,15 @@ pub struct VirtualRobot<'a> {
     /// Registration of all pairs: the odometry.
     pub pairs: &'a PairTable,
     /// Maps that may be visited: not blank, not in another component.
-    pub open: &'a [bool],
+    pub open: Vec<bool>,
     /// The merge order, when it is known.
     pub order: Option<&'a [usize]>,
     /// Options, with the perception model fitted to the maps.
     pub config: &'a Config,
-    /// What a conflict weighed before that.
-    pub configured_conflict: f64,
+    /// How it was fitted.
+    pub learnt: &'a Learnt,
+    /// Number of maps that each map is merged of; empty for single maps.
+    pub members: &'a [usize],
 }
 
 impl VirtualRobot<'_> {
@@ -123,7 +128,11 @@ impl VirtualRobot<'_> {
         let mut found: Vec<(f64, Se2, Matrix3<f64>)> = Vec::new();
         for (i, x_i) in placed {
             for (t, covariance, log_likelihood) in self.pairs.modes(*i, map) {
-                found.push((log_likelihood, x_i.compose(&t), x_i.transport_covariance(&covariance)));
+                found.push((
+                    log_likelihood,
+                    x_i.compose(&t),
+                    x_i.transport_covariance(&covariance),
+                ));
             }
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -142,18 +151,25 @@ impl VirtualRobot<'_> {
         kept
     }
 
-    /// What is left of the likelihood ratio when contradictions are paid for and what chance reaches
-    /// with these maps is taken off.
-    fn evidence_beyond_noise(&self, merged: &Overlay, map: usize, e: &WallEvidence) -> f64 {
+    /// Whether the walls carry a merge: what is left of the likelihood ratio when what chance reaches
+    /// with these maps is taken off and contradictions are paid for.
+    fn is_carried(&self, merged: &Overlay, map: usize, e: &WallEvidence) -> bool {
         let c = &self.config.evidence;
         let floor = merged
             .layers()
             .map(|l| self.pairs.noise_floor(self.maps, l.map, map))
             .fold(0.0, f64::max);
+        let beyond_noise = e.log_likelihood - c.noise_share * floor;
+        let is_large = |m: usize| self.members.get(m).is_some_and(|n| *n >= LARGE);
+        let reference = merged.layers().last().map_or(map, |l| l.map);
+        if self.learnt.is_clean && is_large(reference) && is_large(map) {
+            return beyond_noise >= c.min_evidence_joined;
+        }
         // What the perception model has learnt to charge for conflicts is charged once.
-        let charged = (self.configured_conflict - self.config.perception.conflict) * e.conflicts;
+        let charged =
+            (self.learnt.configured_conflict - self.config.perception.conflict) * e.conflicts;
         let due = (c.conflict_cost * e.conflict_share() - charged).max(0.0);
-        e.log_likelihood - due - c.noise_share * floor
+        beyond_noise - due >= c.min_evidence
     }
 
     /// Perception model (paper, section 4) of one pose; none when the evidence does not carry a merge.
@@ -168,7 +184,7 @@ impl VirtualRobot<'_> {
         let anchor = merged.layers().last().expect("a merged map holds its reference").map;
         let log_volume = log_search_volume(&self.maps[anchor], &self.maps[map]);
         let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;
-        if self.evidence_beyond_noise(merged, map, &evidence) < self.config.evidence.min_evidence {
+        if !self.is_carried(merged, map, &evidence) {
             return None;
         }
         let (psi, gamma) = match p.model {
@@ -187,14 +203,14 @@ impl Model for VirtualRobot<'_> {
     type Mode = NextPose;
 
     fn propose(&self, merged: &Overlay) -> Vec<NextPose> {
-        let placed: Vec<(usize, Se2)> =
-            merged.layers().map(|l| (l.map, l.t_world_map)).collect();
+        let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
         let is_open = |m: &usize| self.open[*m] && !placed.iter().any(|(i, _)| i == m);
         let of_map = |map: usize, motions: Vec<(f64, Se2, Matrix3<f64>)>| -> Vec<NextPose> {
             motions.into_iter().filter_map(|m| self.perceive(merged, map, m)).collect()
         };
         if let Some(order) = self.order {
-            // Known order: the next map that can be placed; those that cannot yet are deferred.
+            // Known order: the next map that can be placed; those that cannot yet are deferred. Maps
+            // that the order leaves out come after.
             let next = order.iter().filter(|m| is_open(m));
             return next
                 .map(|m| of_map(*m, self.motions(&placed, *m)))

@@ -5,9 +5,8 @@
 //! and Gaussian, so the posterior is a Gaussian mixture that can be enumerated: one Kalman filter for
 //! every sequence of choices.
 
-use mapmeld_core::filter::{log_sum, stream, LogWeight, Model, ParticleFilter, Step, Stream};
+use mapmeld_core::filter::{log_sum, LogWeight, Model, ParticleFilter, Step, Stream};
 use mapmeld_core::parallel::with_threads;
-use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::HashSet;
 use std::f64::consts::TAU;
@@ -243,7 +242,8 @@ fn resamples_exactly_when_few_particles_carry_the_weight() {
 #[test]
 fn weights_sum_to_one_whether_resampled_or_not() {
     for resample_below in [0.0, 0.5, 1.0] {
-        let total: f64 = run(300, resample_below, 3, true).particles.iter().map(|p| p.1.exp()).sum();
+        let total: f64 =
+            run(300, resample_below, 3, true).particles.iter().map(|p| p.1.exp()).sum();
         assert!((total - 1.0).abs() < 1e-9, "{total}");
     }
 }
@@ -290,25 +290,4 @@ fn successors_share_their_ancestors() {
         .map(Arc::as_ptr)
         .collect();
     assert_eq!(roots.len(), 1, "all stem from the one initial state");
-}
-
-#[test]
-fn random_streams_are_distinct_and_uncorrelated() {
-    let mut seen = HashSet::new();
-    let (mut sum, mut n) = (0.0, 0.0);
-    for seed in 0..4 {
-        for step in 1..20 {
-            let mut last = 0.0;
-            for index in (0..200).chain([u64::MAX]) {
-                let mut rng = stream(seed, step, index);
-                let u: f64 = rng.random();
-                assert!(seen.insert(u.to_bits()), "stream ({seed}, {step}, {index}) is not new");
-                sum += (u - 0.5) * (last - 0.5);
-                n += 1.0;
-                last = u;
-            }
-        }
-    }
-    // The product of two independent uniform numbers about zero has standard deviation 1/12.
-    assert!((sum / n).abs() * 12.0 < 4.0 / f64::sqrt(n), "correlation {}", sum / n * 12.0);
 }

@@ -93,8 +93,8 @@ impl Scene {
             .map(|_| LocalMap::new(noise(rng, size.0, size.1, occupied, free), config))
             .collect();
         let poses: Vec<Se2> = (0..=layers).map(|_| placement(rng, 8)).collect();
-        let merged = (0..layers)
-            .fold(Overlay::default(), |m, k| m.with(&maps, k, poses[k], true, false));
+        let merged =
+            (0..layers).fold(Overlay::default(), |m, k| m.with(&maps, k, poses[k], true, false));
         Self { maps, merged, poses }
     }
 
@@ -157,10 +157,13 @@ fn layers_hold_the_union_of_the_drawn_maps_once() {
         let scene = Scene::new(&mut rng, 3, (20, 14), &unthinned());
         for class in [Class::Occupied, Class::Free] {
             let of = |l: &mapmeld_core::perception::Layer| {
-                if class == Class::Occupied { l.new_occupied.clone() } else { l.new_free.clone() }
+                if class == Class::Occupied {
+                    l.new_occupied.clone()
+                } else {
+                    l.new_free.clone()
+                }
             };
-            let cells: Vec<(i64, i64)> =
-                scene.merged.layers().flat_map(of).map(cell_of).collect();
+            let cells: Vec<(i64, i64)> = scene.merged.layers().flat_map(of).map(cell_of).collect();
             let set: Cells = cells.iter().copied().collect();
             assert_eq!(cells.len(), set.len(), "a cell is counted twice");
             assert_eq!(set, scene.drawn(class).0);

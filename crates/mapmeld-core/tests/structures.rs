@@ -70,7 +70,8 @@ fn everything(_: Vec2) -> bool {
 
 /// Frames at all angles: odd ones, small ones, and those along the axes.
 fn frames() -> Vec<Se2> {
-    let turns = [0.0, 0.03, 0.3, 0.6, PI / 4.0, 1.0, 1.4, FRAC_PI_2, 2.2, 3.0, PI, -2.0, -0.9, -0.1];
+    let turns =
+        [0.0, 0.03, 0.3, 0.6, PI / 4.0, 1.0, 1.4, FRAC_PI_2, 2.2, 3.0, PI, -2.0, -0.9, -0.1];
     turns.iter().map(|a| Se2::new(1.234 + a, -2.345 * a, *a)).collect()
 }
 
@@ -92,9 +93,8 @@ fn corners_of_a_room_are_found_at_every_angle() {
                 .corners
                 .iter()
                 .min_by(|a, b| {
-                    let off = |c: &mapmeld_core::structure::Corner| {
-                        (t.apply(c.vertex) - vertex).norm()
-                    };
+                    let off =
+                        |c: &mapmeld_core::structure::Corner| (t.apply(c.vertex) - vertex).norm();
                     off(a).total_cmp(&off(b))
                 })
                 .expect("a room has corners");

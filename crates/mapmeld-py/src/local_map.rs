@@ -47,8 +47,14 @@ impl LocalMap {
         let cells: Vec<i8> = view.iter().copied().collect();
         let inner = py
             .detach(|| {
-                let grid =
-                    OccupancyGrid::new(name, width, height, resolution, convert::pose(origin), cells)?;
+                let grid = OccupancyGrid::new(
+                    name,
+                    width,
+                    height,
+                    resolution,
+                    convert::pose(origin),
+                    cells,
+                )?;
                 Ok(core::local_map::LocalMap::new(grid, &config))
             })
             .map_err(convert::to_py_err)?;
@@ -130,7 +136,8 @@ pub fn register<'py>(
 ) -> PyResult<(usize, Vec<Bound<'py, PyDict>>)> {
     let config = convert::config(config)?;
     let (a, b) = (a.inner.clone(), b.inner.clone());
-    let found = py.detach(|| core::registration::pair::register(&a, &b, None, &[], (0, 1), &config));
+    let found =
+        py.detach(|| core::registration::pair::register(&a, &b, None, &[], (0, 1), &config));
     let modes = found.modes.iter().map(|m| mode(py, m)).collect::<PyResult<_>>()?;
     Ok((found.candidates, modes))
 }
@@ -170,7 +177,11 @@ pub fn perceive<'py>(
 
 /// Unrefined candidates for T_a_b: source and pose of each.
 #[pyfunction]
-pub fn candidates(a: &LocalMap, b: &LocalMap, config: &str) -> PyResult<Vec<(&'static str, [f64; 3])>> {
+pub fn candidates(
+    a: &LocalMap,
+    b: &LocalMap,
+    config: &str,
+) -> PyResult<Vec<(&'static str, [f64; 3])>> {
     let config = convert::config(config)?;
     Ok(core::registration::pair::candidates(&a.inner, &b.inner, &config.registration)
         .into_iter()

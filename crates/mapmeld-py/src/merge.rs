@@ -3,7 +3,8 @@
 use crate::convert;
 use crate::local_map::mode;
 use mapmeld_core::grid::OccupancyGrid;
-use mapmeld_core::merge::{merge as core_merge, Known, Merge, Stage};
+use mapmeld_core::merge::merge as core_merge;
+use mapmeld_core::result::{Known, Merge, Stage};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};

@@ -107,9 +107,8 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         let mut group_of = Vec::with_capacity(n);
         let mut leaders: Vec<usize> = Vec::new();
         for (i, p) in self.particles.iter().enumerate() {
-            let known = leaders.last().is_some_and(|l| {
-                model.is_same(&self.particles[*l].state, &p.state)
-            });
+            let known =
+                leaders.last().is_some_and(|l| model.is_same(&self.particles[*l].state, &p.state));
             if !known {
                 leaders.push(i);
             }
@@ -120,8 +119,7 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         // Weigh: the predictive likelihood of a particle is the sum over its modes.
         let pool: Vec<&[M::Mode]> = modes.iter().map(Vec::as_slice).collect();
         let masses = model.log_masses(&pool);
-        let totals: Vec<LogWeight> =
-            masses.iter().map(|m| log_sum(m.iter().copied())).collect();
+        let totals: Vec<LogWeight> = masses.iter().map(|m| log_sum(m.iter().copied())).collect();
         let staying = model.log_mass_of_staying(&masses);
 
         // Draw and update, each particle from its own stream.
@@ -130,7 +128,10 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         let advanced = parallel::map(&indices, |i| {
             let (p, g) = (&self.particles[*i], group_of[*i]);
             if totals[g].is_zero() {
-                return (Particle { state: p.state.clone(), log_weight: p.log_weight * staying }, 0);
+                return (
+                    Particle { state: p.state.clone(), log_weight: p.log_weight * staying },
+                    0,
+                );
             }
             let mut rng = stream(seed, step, *i as u64);
             let chosen = draw(&normalise(&masses[g]), rng.random());

@@ -18,6 +18,8 @@ impl LogWeight {
 
 impl std::ops::Mul for LogWeight {
     type Output = LogWeight;
+    // The product of weights is the sum of their logarithms.
+    #[allow(clippy::suspicious_arithmetic_impl)]
     fn mul(self, other: LogWeight) -> LogWeight {
         LogWeight(self.0 + other.0)
     }

@@ -163,49 +163,48 @@ impl<'a> Target<'a> {
 }
 
 /// Sums the outcomes of samples against targets; where several targets see a sample, each has its
-/// share of the word.
+/// share of the word. Directions are summed in one common frame.
 fn tally<'s>(
     samples: impl Iterator<Item = &'s WallSample>,
     targets: &[Target],
     config: &PerceptionConfig,
 ) -> WallEvidence {
     let mut sum = WallEvidence::default();
-    let mut outcomes: Vec<Outcome> = Vec::with_capacity(targets.len());
+    let to_common = t_common_samples.to_rigid();
     for s in samples {
-        outcomes.clear();
-        outcomes.extend(
-            targets
-                .iter()
-                .map(|t| t.observe(s.position, s.normal))
-                .filter(|o| !matches!(o, Outcome::Unknown)),
-        );
-        let w = s.weight / outcomes.len().max(1) as f64;
-        let n = s.normal;
-        for o in &outcomes {
-            match *o {
-                Outcome::Hit(value) => {
-                    sum.log_likelihood += w * value;
-                    sum.hits += w;
-                    sum.shared_length += config.sample_spacing / outcomes.len() as f64;
-                    sum.directions[0] += w * n.x * n.x;
-                    sum.directions[1] += w * n.x * n.y;
-                    sum.directions[2] += w * n.y * n.y;
+        // What the targets say of this sample, before it is shared out.
+        let (mut value, mut seen) = (0.0, 0.0);
+        let (mut hits, mut misses, mut opposed, mut conflicts) = (0.0, 0.0, 0.0, 0.0);
+        for t in targets {
+            match t.observe(s.position, s.normal) {
+                Outcome::Unknown => continue,
+                Outcome::Hit(v) => {
+                    hits += 1.0;
+                    value += v;
                 }
-                Outcome::Miss => {
-                    sum.log_likelihood += w * config.miss;
-                    sum.misses += w;
-                }
-                Outcome::Opposed => {
-                    sum.log_likelihood += w * config.opposed;
-                    sum.opposed += w;
-                }
-                Outcome::Conflict(share) => {
-                    let w = share * s.conflict_weight / outcomes.len() as f64;
-                    sum.log_likelihood += w * config.conflict;
-                    sum.conflicts += w;
-                }
-                Outcome::Unknown => {}
+                Outcome::Miss => misses += 1.0,
+                Outcome::Opposed => opposed += 1.0,
+                Outcome::Conflict(share) => conflicts += share,
             }
+            seen += 1.0;
+        }
+        if seen == 0.0 {
+            continue;
+        }
+        let w = s.weight / seen;
+        let contradicted = conflicts * s.conflict_weight / seen;
+        value += misses * config.miss + opposed * config.opposed;
+        sum.log_likelihood += w * value + contradicted * config.conflict;
+        sum.hits += w * hits;
+        sum.misses += w * misses;
+        sum.opposed += w * opposed;
+        sum.conflicts += contradicted;
+        if hits > 0.0 {
+            let (n, w) = (s.normal, w * hits);
+            sum.shared_length += config.sample_spacing * hits / seen;
+            sum.directions[0] += w * n.x * n.x;
+            sum.directions[1] += w * n.x * n.y;
+            sum.directions[2] += w * n.y * n.y;
         }
     }
     sum
@@ -262,13 +261,17 @@ pub fn against(
         .layers()
         .map(|l| Target::new(&maps[l.map], &l.t_world_map.between(t_world_map), config))
         .collect();
+    let stride = |m: &LocalMap| m.samples.len().div_ceil(config.max_samples).max(1);
     let mut sum = WallEvidence::default();
-    sum.add(&tally(local.samples.iter(), &targets, config), 0.5);
+    let step = stride(local);
+    let thinned = local.samples.iter().step_by(step);
+    sum.add(&tally(thinned, &targets, config), 0.5 * step as f64);
     for l in merged.layers() {
         let layer = &maps[l.map];
         let target = [Target::new(local, &t_world_map.between(&l.t_world_map), config)];
-        let new = l.new_samples.iter().map(|k| &layer.samples[*k as usize]);
-        sum.add(&tally(new, &target, config), 0.5);
+        let step = stride(layer);
+        let new = l.new_samples.iter().step_by(step).map(|k| &layer.samples[*k as usize]);
+        sum.add(&tally(new, &target, config), 0.5 * step as f64);
     }
     sum
 }

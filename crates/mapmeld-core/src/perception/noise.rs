@@ -11,7 +11,9 @@ use crate::registration::PairModes;
 /// Observations that a pair must share before it has a say.
 const MIN_HITS: f64 = 8.0;
 /// Share of contradicting observations at a true pose that is believed without having been seen.
-const CLEANEST: f64 = 0.005;
+const CLEANEST: f64 = 0.01;
+/// Log-likelihood ratio of a conflict, nats, from which maps count as clean.
+const CLEAN: f64 = -6.0;
 /// Prior observations at the configured rate, so that one short wall does not prove maps clean.
 const PRIOR: f64 = 2.0;
 /// Share of contradicting observations between unrelated maps.
@@ -26,8 +28,19 @@ const OPPOSED_BY_CHANCE: f64 = 0.15;
 /// Largest log-likelihood ratio that an opposed wall can earn.
 const MAX_OPPOSED: f64 = 1.0;
 
-/// The perception model with the conflict's log-likelihood ratio fitted to `n` maps' pairs.
-pub fn adapt(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> PerceptionConfig {
+/// The perception model as fitted to the maps at hand.
+#[derive(Debug, Clone)]
+pub struct Learnt {
+    /// The configuration with the fitted ratios in place.
+    pub perception: PerceptionConfig,
+    /// What a conflict weighed before.
+    pub configured_conflict: f64,
+    /// Whether pairs beyond doubt have shown that the maps are clean.
+    pub is_clean: bool,
+}
+
+/// Fits the perception model to the pairs of `n` maps.
+pub fn learn(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> Learnt {
     // The best fit of each map, whichever map it is with.
     let mut best: Vec<Option<&PairModes>> = vec![None; n];
     let value = |p: &PairModes| p.modes[0].evidence.log_likelihood;
@@ -38,9 +51,21 @@ pub fn adapt(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> Percep
             }
         }
     }
+    let strong = beyond_doubt(&best);
+    let conflict = conflict_ratio(&best, config);
+    let is_clean = strong.len() >= MIN_STRONG && conflict <= CLEAN;
+    let perception = PerceptionConfig {
+        conflict,
+        opposed: if is_clean { opposed_ratio(&strong, config) } else { config.opposed },
+        ..config.clone()
+    };
+    Learnt { perception, configured_conflict: config.conflict, is_clean }
+}
+
+/// Log-likelihood ratio of a conflict: from the median share among the best fits.
+fn conflict_ratio(best: &[Option<&PairModes>], config: &PerceptionConfig) -> f64 {
     // Both directions are halved in the evidence; conflicts of each are events of their own.
-    let rate_of = |log_ratio: f64| UNRELATED * (0.5 * log_ratio).exp();
-    let prior = rate_of(config.conflict);
+    let prior = UNRELATED * (0.5 * config.conflict).exp();
     let mut rates: Vec<f64> = best
         .iter()
         .flatten()
@@ -50,18 +75,15 @@ pub fn adapt(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> Percep
         })
         .collect();
     if rates.is_empty() {
-        return config.clone();
+        return config.conflict;
     }
     rates.sort_by(f64::total_cmp);
     let rate = rates[rates.len() / 2].max(CLEANEST);
-    let conflict = (2.0 * (rate / UNRELATED).ln()).min(config.conflict);
-    let opposed = opposed_ratio(&best, config);
-    PerceptionConfig { conflict, opposed, ..config.clone() }
+    (2.0 * (rate / UNRELATED).ln()).min(config.conflict)
 }
 
-/// Log-likelihood ratio of a wall that another map shows from its other side. Where walls are thin that
-/// is the same wall, and speaks for the pose: how often it happens is learnt from pairs beyond doubt.
-fn opposed_ratio(best: &[Option<&PairModes>], config: &PerceptionConfig) -> f64 {
+/// The distinct pairs among the best fits that leave no doubt.
+fn beyond_doubt<'p>(best: &[Option<&'p PairModes>]) -> Vec<&'p PairModes> {
     let mut strong: Vec<&PairModes> = best
         .iter()
         .flatten()
@@ -73,9 +95,12 @@ fn opposed_ratio(best: &[Option<&PairModes>], config: &PerceptionConfig) -> f64 
         .collect();
     strong.sort_by_key(|p| (p.a, p.b));
     strong.dedup_by_key(|p| (p.a, p.b));
-    if strong.len() < MIN_STRONG {
-        return config.opposed;
-    }
+    strong
+}
+
+/// Log-likelihood ratio of a wall that another map shows from its other side. Where walls are thin that
+/// is the same wall, and speaks for the pose: how often it happens is learnt from pairs beyond doubt.
+fn opposed_ratio(strong: &[&PairModes], config: &PerceptionConfig) -> f64 {
     let sum = |f: fn(&WallEvidence) -> f64| -> f64 {
         strong.iter().map(|p| f(&p.modes[0].evidence)).sum()
     };

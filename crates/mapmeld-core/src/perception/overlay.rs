@@ -80,9 +80,9 @@ impl Overlay {
                 .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
                 .collect();
             let is_there = |s: &crate::local_map::WallSample| {
-                views.iter().any(|v| {
-                    v.cell(s.position).is_some_and(|c| v.nearest(c, s.normal).is_some())
-                })
+                views
+                    .iter()
+                    .any(|v| v.cell(s.position).is_some_and(|c| v.nearest(c, s.normal).is_some()))
             };
             (0..m.samples.len() as u32).filter(|k| !is_there(&m.samples[*k as usize])).collect()
         } else {

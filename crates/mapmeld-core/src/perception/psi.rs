@@ -54,8 +54,7 @@ impl<'a> Comparison<'a> {
             }
             best
         };
-        let forward: f64 =
-            local_cells.centers.iter().map(nearest).sum::<f64>() * local_cells.scale;
+        let forward: f64 = local_cells.centers.iter().map(nearest).sum::<f64>() * local_cells.scale;
         let table = table_of(self.local, to);
         let at = self.local.grid.locator_from(&self.t_world_local.inverse());
         let backward: f64 = self

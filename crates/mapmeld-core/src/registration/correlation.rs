@@ -160,7 +160,5 @@ impl Votes {
 
 fn bounds(samples: &[WallSample]) -> (Vec2, Vec2) {
     let first = samples[0].position;
-    samples
-        .iter()
-        .fold((first, first), |(lo, hi), s| (lo.inf(&s.position), hi.sup(&s.position)))
+    samples.iter().fold((first, first), |(lo, hi), s| (lo.inf(&s.position), hi.sup(&s.position)))
 }

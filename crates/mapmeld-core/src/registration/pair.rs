@@ -3,7 +3,9 @@
 use crate::config::{Config, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::likelihood;
-use crate::registration::{climb, corners, correlation, segments, Candidate, Mode, PairModes, Source};
+use crate::registration::{
+    climb, corners, correlation, segments, Candidate, Mode, PairModes, Source,
+};
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
@@ -14,6 +16,8 @@ const BLINK_SAMPLES: usize = 64;
 const GLANCE_SAMPLES: usize = 120;
 /// Samples that a climb follows.
 const CLIMB_SAMPLES: usize = 250;
+/// Samples that the last climb of a mode follows.
+const FINAL_SAMPLES: usize = 600;
 /// Steps that every candidate worth a second look is led uphill.
 const FIRST_STEPS: usize = 6;
 
@@ -50,25 +54,25 @@ fn find_modes(
     let found = candidates(ma, mb, r);
     let candidates = found.len() + hints.len();
 
-    let distance = r
-        .duplicate_distance
-        .unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
+    let distance =
+        r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
     let stride = |samples: usize| (mb.samples.len() / samples).max(1);
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
     let look = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
         let stride = stride(samples);
         found.into_iter().map(|c| (likelihood::glance(ma, mb, &c.t_a_b, stride), c)).collect()
     };
-    let climb_all = |found: Vec<Candidate>, samples: usize, steps: usize| -> Vec<(f64, Candidate)> {
-        found
-            .into_iter()
-            .filter_map(|c| {
-                let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(samples), steps, p)?;
-                let evidence = likelihood::pair(ma, mb, &t_a_b, stride(4 * samples), p);
-                Some((evidence.log_likelihood, Candidate { t_a_b, ..c }))
-            })
-            .collect()
-    };
+    let climb_all =
+        |found: Vec<Candidate>, samples: usize, steps: usize| -> Vec<(f64, Candidate)> {
+            found
+                .into_iter()
+                .filter_map(|c| {
+                    let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(samples), steps, p)?;
+                    let evidence = likelihood::pair(ma, mb, &t_a_b, stride(4 * samples), p);
+                    Some((evidence.log_likelihood, Candidate { t_a_b, ..c }))
+                })
+                .collect()
+        };
     // Narrowing down: all blinked at, many looked at, fewer led a few steps uphill, the best climbed to
     // the top.
     let mut blinked = look(found, BLINK_SAMPLES);
@@ -84,7 +88,8 @@ fn find_modes(
     let mut modes: Vec<Mode> = kept
         .into_iter()
         .map(|c| {
-            let t_a_b = climb::climb(ma, mb, &c.t_a_b, 1, r.max_iterations, p).unwrap_or(c.t_a_b);
+            let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(FINAL_SAMPLES), r.max_iterations, p)
+                .unwrap_or(c.t_a_b);
             let evidence = likelihood::pair(ma, mb, &t_a_b, 1, p);
             let covariance = climb::covariance(ma, mb, &t_a_b, p);
             let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;

@@ -35,7 +35,11 @@ impl Line {
 const CONNECT: isize = 3;
 
 /// Lines of a map, longest first.
-pub fn fit(grid: &OccupancyGrid, boundary: &[BoundaryPoint], config: &StructureConfig) -> Vec<Line> {
+pub fn fit(
+    grid: &OccupancyGrid,
+    boundary: &[BoundaryPoint],
+    config: &StructureConfig,
+) -> Vec<Line> {
     let index = CellIndex::new(grid, boundary.iter().map(|p| p.cell));
     let mut taken = vec![false; boundary.len()];
     // The straightest places first: they have the best direction to start from.
@@ -128,10 +132,8 @@ fn finish(
     let mean_normal: Vec2 = members.iter().map(|k| boundary[*k as usize].normal).sum();
     let position = |k: &u32| boundary[*k as usize].position;
     let (c, n, _) = total_least_squares(members.iter().map(position));
-    let mut points: Vec<u32> = members
-        .into_iter()
-        .filter(|k| (position(k) - c).dot(&n).abs() <= tolerance)
-        .collect();
+    let mut points: Vec<u32> =
+        members.into_iter().filter(|k| (position(k) - c).dot(&n).abs() <= tolerance).collect();
     if points.len() < 5 {
         return None;
     }

@@ -5,6 +5,7 @@ use mapmeld_core::grid::{OccupancyGrid, UNKNOWN};
 use mapmeld_core::se2::{wrap, Se2, Vec2};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::f64::consts::PI;
 
 /// Walls of one thickness, and the floor that is free where no wall stands.
 #[derive(Clone, Default)]
@@ -38,8 +39,7 @@ impl Plan {
             let (along, across) = ((p - a).dot(&d), (p - a).perp(&d));
             across.abs() <= self.half && along >= -self.half && along <= length + self.half
         };
-        let on_floor =
-            |f: &[f64; 4]| p.x >= f[0] && p.y >= f[1] && p.x <= f[2] && p.y <= f[3];
+        let on_floor = |f: &[f64; 4]| p.x >= f[0] && p.y >= f[1] && p.x <= f[2] && p.y <= f[3];
         if self.walls.iter().any(in_wall) {
             100
         } else if self.floors.iter().any(on_floor) {
@@ -115,7 +115,7 @@ pub fn any_frame(rng: &mut Pcg64Mcg) -> Se2 {
     Se2::new(
         rng.random_range(-10.0..10.0),
         rng.random_range(-10.0..10.0),
-        rng.random_range(-3.14..3.14),
+        rng.random_range(-PI..PI),
     )
 }
 

@@ -1,6 +1,7 @@
-//! The generic filter where particles have nowhere to go: they stay, and are weighed for it.
+//! The generic filter with choices only: shares of the doors, those who have none, few particles.
 
 use mapmeld_core::filter::{LogWeight, Model, ParticleFilter, Stream};
+use mapmeld_core::parallel::with_threads;
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -76,6 +77,28 @@ fn when_nobody_can_go_anywhere_nothing_changes() {
         let total: f64 = filter.particles().iter().map(|p| p.log_weight.0.exp()).sum();
         assert!((total - 1.0).abs() < 1e-9);
     }
+}
+
+/// The estimate of the evidence is unbiased for any number of particles; with two of them even a small
+/// bias of the resampling shows.
+#[test]
+fn two_particles_are_unbiased_too() {
+    let run = |seed| {
+        let mut filter = ParticleFilter::new(State::default(), 2, 1.0, seed);
+        let mut step = |doors: fn(&[usize]) -> Vec<f64>| {
+            filter.step(&Doors { doors, staying: 0.0 }).log_evidence
+        };
+        let both = step(|_| vec![0.5, 0.5]);
+        let uneven = step(|s| vec![if s[0] == 0 { 0.2 } else { 0.8 }]);
+        let first_only = step(|s| vec![if s[0] == 0 { 1.0 } else { 0.0 }]);
+        (both + uneven + first_only).exp()
+    };
+    let all: Vec<f64> = with_threads(Some(1), || (0..10_000).map(run).collect()).unwrap();
+    let n = all.len() as f64;
+    let mean = all.iter().sum::<f64>() / n;
+    let error = (all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n / n).sqrt();
+    let exact = 0.5 * 0.2;
+    assert!(error < 0.002 && (mean - exact).abs() < 4.0 * error, "{mean} +- {error}");
 }
 
 proptest! {

@@ -1,0 +1,93 @@
+//! What a merge takes beside maps, and what it gives.
+
+use crate::evidence::{Hypothesis, Status};
+use crate::filter::Step;
+use crate::fuse::Fused;
+use crate::registration::PairModes;
+use crate::se2::Se2;
+use nalgebra::Matrix3;
+
+/// What the caller knows beside the maps.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// The order in which the maps connect (indices; maps left out come after, in any order).
+    pub order: Option<Vec<usize>>,
+    /// The map whose frame is the world.
+    pub reference: Option<usize>,
+}
+
+/// Where a map ended up.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    /// Component, from 0 (the largest); none for a blank map.
+    pub component: Option<usize>,
+    /// `T_component_map`; none for a blank map.
+    pub t_component_map: Option<Se2>,
+    /// Covariance of the pose relative to the component's reference map.
+    pub covariance: Matrix3<f64>,
+    /// In what standing.
+    pub status: Status,
+    /// Probability that the map lies where `t_component_map` says, given the hypotheses.
+    pub probability: f64,
+}
+
+/// The trajectory of the virtual robot through one component, and how the filter fared.
+#[derive(Debug, Clone)]
+pub struct Component {
+    /// The map whose frame is the component's.
+    pub reference: usize,
+    /// Maps in the order in which the most probable particles merged them.
+    pub order: Vec<usize>,
+    /// The filter's steps.
+    pub steps: Vec<Step>,
+    /// Root mean square of the walls' residuals after the joint refinement, metres.
+    pub rms: Option<f64>,
+    /// The merged map.
+    pub fused: Fused,
+}
+
+/// All that a merge found.
+#[derive(Debug, Clone)]
+pub struct Merge {
+    /// One a map, in the order given.
+    pub placements: Vec<Placement>,
+    /// Components, those of most maps first.
+    pub components: Vec<Component>,
+    /// Whole worlds that fit, most probable first.
+    pub hypotheses: Vec<Hypothesis>,
+    /// Registration of every pair.
+    pub pairs: Vec<PairModes>,
+    /// Seconds by stage.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Stages of a merge, as an observer hears of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Classes, boundary, lines, corners and tables of each map.
+    Prepare,
+    /// Registration of each pair.
+    Register,
+    /// Steps of the filter.
+    Filter,
+    /// Travel among the merged maps.
+    Join,
+    /// Fusion of each component.
+    Fuse,
+}
+
+impl Stage {
+    /// Name in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::Prepare => "prepare",
+            Stage::Register => "register",
+            Stage::Filter => "filter",
+            Stage::Join => "join",
+            Stage::Fuse => "fuse",
+        }
+    }
+}
+
+/// Hears (stage, done, total) and answers whether to go on.
+pub type Observer<'a> = &'a (dyn Fn(Stage, usize, usize) -> bool + Sync);

@@ -1,0 +1,105 @@
+"""The benchmark scripts: they run, and print the tables that they promise. No time is asserted."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+
+
+def run(script: str, *args: str, shared: Path) -> str:
+    """What the script prints, without any shared maps."""
+    found = subprocess.run(
+        [sys.executable, str(BENCHMARKS / script), *args],
+        env={**os.environ, "MAPMELD_SHARED": str(shared)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert found.returncode == 0, found.stderr
+    return found.stdout
+
+
+def tables(markdown: str) -> list[list[dict[str, str]]]:
+    """Every table as its rows, cells by column name."""
+    found: list[list[dict[str, str]]] = []
+    columns: list[str] = []
+    for line in markdown.splitlines():
+        if not line.startswith("|"):
+            columns = []
+            continue
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if not columns:
+            columns = cells
+            found.append([])
+        elif set(line) - set("|-: "):
+            found[-1].append(dict(zip(columns, cells, strict=True)))
+    return found
+
+
+def test_complexity(tmp_path: Path) -> None:
+    text = run("complexity.py", "--quick", shared=tmp_path)
+    measured, exponents, *times = tables(text)
+    assert {row["measured"] for row in measured} >= {"date", "CPU", "versions", "command"}
+    assert str(BENCHMARKS.parent) not in text
+    assert [(row["order"], row["varied"].split()[-1], row["paper"]) for row in exponents] == [
+        ("known", "N", "2"),
+        ("known", "c", "2"),
+        ("known", "Np", "1"),
+        ("unknown", "N", "3"),
+        ("unknown", "c", "2"),
+        ("unknown", "Np", "1"),
+    ]
+    assert len(times) == 3
+    for varied, rows in zip(("N", "c", "Np"), times, strict=True):
+        values = [float(row[varied]) for row in rows if row["order"] == "known"]
+        assert len(values) == 3
+        assert values == sorted(set(values)), "grows"
+        # A filter that stops early would make its times meaningless.
+        assert all(row["maps merged"] == row["N"] for row in rows)
+        assert all(float(row["register ms"]) > 0 and int(row["candidates"]) > 0 for row in rows)
+    # With more maps there are more pairs, with more corners more candidates.
+    for rows in times[:2]:
+        counts = [int(row["candidates"]) for row in rows if row["order"] == "unknown"]
+        assert counts == sorted(set(counts))
+
+
+@pytest.mark.parametrize("model", ["oriented_walls", "psi_gamma"])
+def test_acceptance(model: str, tmp_path: Path) -> None:
+    text = run(
+        "acceptance.py",
+        *("--cases", "maze10", "mazeA_k10", "--seeds", "1", "--particles", "30", "--model", model),
+        shared=tmp_path,
+    )
+    _, cases = tables(text)
+    (row,) = cases
+    assert row["case"] == "maze10"
+    assert row["seeds passed"] in {"1 of 1", "0 of 1"}
+    assert (row["goal"] == "met") == (row["seeds passed"] == "1 of 1")
+    assert row["maps"].endswith("of 10")
+    assert float(row["median s"]) > 0
+    assert "Not measured" in text
+    assert "mazeA_k10" in text.split("Not measured")[1].splitlines()[0]
+    if model == "oriented_walls":
+        assert row["seeds passed"] == "1 of 1"
+        assert row["wrong"] == "0"
+
+
+def test_exponents_are_those_of_powers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import complexity
+
+    slope, error = complexity.fit([1, 2, 4, 8], [3.0, 12.0, 48.0, 192.0])
+    assert (slope, error) == (pytest.approx(2.0), pytest.approx(0.0, abs=1e-9))
+    slope, error = complexity.fit([1, 2, 4], [1.0, 2.2, 4.0])
+    assert slope == pytest.approx(1.0)
+    assert error > 0.0
+    # Without a spread there is no slope to tell.
+    assert math.isnan(complexity.fit([5, 5, 5], [1.0, 2.0, 3.0])[0])

@@ -1,0 +1,127 @@
+"""report.png: what lies where, in which colour."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import mapmeld
+from mapmeld.grid import OccupancyGrid
+from mapmeld.palette import map_colour
+from mapmeld.report import draw_report
+from mapmeld.report_raster import Layer, paint
+from rooms import blank, building, hall, view
+
+RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def has(picture: np.ndarray, colour: tuple[float, float, float]) -> int:
+    """Pixels of a colour."""
+    return int((np.abs(picture.astype(int) - np.round(np.array(colour) * 255)) <= 1).all(axis=-1).sum())
+
+
+def dot(size: int = 20) -> OccupancyGrid:
+    """One occupied cell, at (0.5, 0.2) m, in free space."""
+    data = np.zeros((size, size), dtype=np.int8)
+    data[2, 5] = 100
+    return OccupancyGrid(data, 0.1, (0.0, 0.0, 0.0))
+
+
+def test_walls_lie_where_the_pose_says() -> None:
+    canvas = OccupancyGrid(np.zeros((60, 80), dtype=np.int8), 0.1, (-2.0, -3.0, 0.0))
+    T = np.array([1.0, 1.5, math.pi / 2])
+    raster = paint(canvas, [Layer(dot(), T, RED)], 500)
+    rows, cols = np.nonzero((raster.rgb == (255, 0, 0)).all(axis=-1))
+    # The cell's centre (0.55, 0.25), turned by a quarter and moved: (1 - 0.25, 1.5 + 0.55).
+    assert raster.extent == pytest.approx((-2, 6, -3, 3))
+    assert cols.mean() * 0.1 + 0.05 - 2.0 == pytest.approx(0.75, abs=0.06)
+    assert rows.mean() * 0.1 + 0.05 - 3.0 == pytest.approx(2.05, abs=0.06)
+
+
+def test_no_wall_is_lost_when_the_picture_is_coarse() -> None:
+    grid = view("big", (-0.5, 15.0), (0.0, 0.0, 0.3), resolution=0.02)
+    canvas = mapmeld.merge([grid]).merged
+    assert canvas is not None
+    raster = paint(canvas, [Layer(grid, np.zeros(3), RED)], 60)
+    assert max(raster.rgb.shape) <= 61
+    # 68 m of wall in pixels of at least 0.28 m.
+    assert (raster.rgb == (255, 0, 0)).all(axis=-1).sum() > 150
+
+
+def test_shared_walls_show_every_map() -> None:
+    grid = hall()
+    canvas = mapmeld.merge([grid]).merged
+    assert canvas is not None
+    raster = paint(canvas, [Layer(grid, np.zeros(3), RED), Layer(grid, np.zeros(3), BLUE)], 500)
+    red, blue = has(raster.rgb, RED), has(raster.rgb, BLUE)
+    assert red + blue == (grid.data == 100).sum()
+    assert abs(red - blue) <= 0.1 * (red + blue)
+
+
+def test_the_report_shows_every_map(tmp_path: Path) -> None:
+    grids = [*building(), hall(), blank()]
+    result = mapmeld.merge(grids)
+    draw_report(tmp_path / "report.png", result, grids)
+    picture = np.asarray(Image.open(tmp_path / "report.png").convert("RGB"))
+    for i in range(4):
+        assert has(picture, map_colour(i)) > 300
+    # The blank map has a rim in the legend, no more.
+    assert 0 < has(picture, map_colour(4)) < 300
+    assert has(picture, (237 / 255,) * 3) > 20_000
+
+
+@pytest.mark.parametrize("count", [1, 2, 20])
+def test_any_number_of_maps_and_components(count: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    grids = []
+    for i in range(count):
+        data = np.zeros((40, 60), dtype=np.int8)
+        for row, col in rng.integers(5, 35, (6, 2)):
+            data[row, col : col + 8] = 100
+        # Names that are markup to some, and origins far from the map.
+        grids.append(OccupancyGrid(data, 0.1, (500.0 * i, -3.0, 0.5), f"$x_{i}$ [b]{'long ' * (i % 3) * 10}"))
+    result = mapmeld.merge(grids, particles=5)
+    draw_report(tmp_path / "report.png", result, grids)
+    with Image.open(tmp_path / "report.png") as picture:
+        assert 300 < picture.width < 1500
+        assert 150 < picture.height < 2500
+
+
+def test_blank_maps_alone(tmp_path: Path) -> None:
+    draw_report(tmp_path / "report.png", mapmeld.merge([blank()]), [blank()])
+    with Image.open(tmp_path / "report.png") as picture:
+        assert picture.height < 400
+
+
+def test_the_same_result_makes_the_same_picture(tmp_path: Path) -> None:
+    grids = building()
+    result = mapmeld.merge(grids)
+    for name in ("a.png", "b.png"):
+        draw_report(tmp_path / name, result, grids)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_colours_differ() -> None:
+    colours = [map_colour(i) for i in range(20)]
+    nearest = min(math.dist(a, b) for i, a in enumerate(colours) for b in colours[:i])
+    assert nearest > 0.12
+    assert all(0 <= v <= 1 for colour in colours for v in colour)
+    assert map_colour(20) == map_colour(0)
+
+
+def test_drawing_is_not_the_slow_part(tmp_path: Path) -> None:
+    """No time limit, which would measure the machine: drawing must only not grow with the cells of a map."""
+    spent = []
+    for resolution in (0.1, 0.02):
+        grids = [view("v", (-0.5, 15.0), (0.0, 0.0, 0.3), resolution)]
+        result = mapmeld.merge(grids, particles=5)
+        draw_report(tmp_path / "warm.png", result, grids)
+        started = time.process_time()
+        draw_report(tmp_path / "report.png", result, grids)
+        spent.append(time.process_time() - started)
+    assert spent[1] < 5 * spent[0]

@@ -213,7 +213,6 @@ fn travel(c: &mut Criterion) {
             order: None,
             config: &config,
             learnt: &learnt,
-            members: &[],
         };
         let start = ParticleFilter::new(robot.start(0), 100, config.filter.resample_below, 1);
         let mut third = start.clone();

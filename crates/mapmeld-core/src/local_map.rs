@@ -57,6 +57,8 @@ pub struct LocalMap {
     pub occupied: ClassCells,
     /// The same, of the free cells.
     pub free: ClassCells,
+    /// How much of a full conflict a wall is, by the squared depth in free space at which it lies.
+    pub conflict_shares: Box<[f64; 256]>,
     field: LikelihoodField,
     reach_cells: usize,
 }
@@ -73,6 +75,10 @@ impl LocalMap {
             boundary = boundary.into_iter().step_by(step).collect();
         }
         let lines = lines::fit(&grid, &boundary, &config.structure);
+        // A line knows the direction of its wall better than the steps of its cells do.
+        for line in &lines {
+            line.points.iter().for_each(|k| boundary[*k as usize].normal = line.normal);
+        }
         let mut corners = corners::find(&grid, &lines, &config.structure);
         corners.truncate(config.registration.max_corners);
         let samples = sample_walls(&grid, &boundary, &lines, config);
@@ -87,6 +93,7 @@ impl LocalMap {
             depth: DistanceTable::to_other_than(&grid, Class::Free),
             occupied: class_cells(&grid, Class::Occupied, max_cells),
             free: class_cells(&grid, Class::Free, max_cells),
+            conflict_shares: Box::new(conflict_shares(grid.resolution(), config)),
             boundary,
             lines,
             corners,
@@ -147,6 +154,22 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
     }
     let scale = if centers.is_empty() { 0.0 } else { total as f64 / centers.len() as f64 };
     ClassCells { centers, scale }
+}
+
+/// No conflict up to a depth, a full one from a greater depth on, in proportion between.
+fn conflict_shares(resolution: f64, config: &Config) -> [f64; 256] {
+    let p = &config.perception;
+    let least = (p.conflict_depth / resolution).max(3.0);
+    // Depths are known up to the reach of the distance table only.
+    let full = (p.full_conflict_depth / resolution).clamp(least, 15.9);
+    std::array::from_fn(|squared| {
+        let depth = (squared as f64).sqrt();
+        if depth < least {
+            0.0
+        } else {
+            (depth / full).min(1.0)
+        }
+    })
 }
 
 /// Thins the boundary to a spacing and shares out the evidence: neighbouring wall points are

@@ -9,7 +9,7 @@ use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
-use crate::perception::noise::{self, Learnt};
+use crate::perception::noise;
 use crate::registration::{pair, PairModes};
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
@@ -57,8 +57,6 @@ fn run(
         open: maps.iter().map(|m| !m.is_blank()).collect(),
         order: known.order.as_deref(),
         config,
-        learnt: &learnt,
-        members: &[],
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
@@ -67,8 +65,11 @@ fn run(
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    while let Some(joined) = join(&maps, &pairs, &clusters, known, config, &learnt, observer)? {
-        clusters = joined;
+    // Only clean maps allow it: what contradicts little tells little.
+    if learnt.is_clean {
+        while let Some(joined) = join(&maps, &pairs, &clusters, known, config, observer)? {
+            clusters = joined;
+        }
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
     clock.lap("join");
@@ -142,7 +143,6 @@ fn join(
     clusters: &[Cluster],
     known: &Known,
     config: &Config,
-    learnt: &Learnt,
     observer: Observer,
 ) -> Result<Option<Vec<Cluster>>> {
     // Single maps alone tell nothing that their pairs have not told.
@@ -157,15 +157,12 @@ fn join(
     let first = known.reference.or_else(|| known.order.as_ref()?.first().copied());
     let reference = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
     let known = Known { order: None, reference };
-    let members: Vec<usize> = clusters.iter().map(|c| c.members.len()).collect();
     let robot = VirtualRobot {
         maps: &merged,
         pairs: &pairs,
         open: vec![true; merged.len()],
         order: None,
         config,
-        learnt,
-        members: &members,
     };
     let travelled = travel(robot, &known, observer)?;
     if travelled.len() == clusters.len() {

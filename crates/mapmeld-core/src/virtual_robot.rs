@@ -7,7 +7,6 @@
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
 use crate::local_map::LocalMap;
-use crate::perception::noise::Learnt;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
 use crate::registration::pair::{inverse, log_gaussian_mass, log_search_volume};
@@ -89,9 +88,6 @@ pub struct NextPose {
     gamma: f64,
 }
 
-/// Maps that a merged map is made of before it counts as large.
-const LARGE: usize = 3;
-
 /// The filter's model for maps.
 pub struct VirtualRobot<'a> {
     /// The local maps: the sensor readings.
@@ -104,10 +100,6 @@ pub struct VirtualRobot<'a> {
     pub order: Option<&'a [usize]>,
     /// Options, with the perception model fitted to the maps.
     pub config: &'a Config,
-    /// How it was fitted.
-    pub learnt: &'a Learnt,
-    /// Number of maps that each map is merged of; empty for single maps.
-    pub members: &'a [usize],
 }
 
 impl VirtualRobot<'_> {
@@ -160,16 +152,8 @@ impl VirtualRobot<'_> {
             .map(|l| self.pairs.noise_floor(self.maps, l.map, map))
             .fold(0.0, f64::max);
         let beyond_noise = e.log_likelihood - c.noise_share * floor;
-        let is_large = |m: usize| self.members.get(m).is_some_and(|n| *n >= LARGE);
-        let reference = merged.layers().last().map_or(map, |l| l.map);
-        if self.learnt.is_clean && is_large(reference) && is_large(map) {
-            return beyond_noise >= c.min_evidence_joined;
-        }
-        // What the perception model has learnt to charge for conflicts is charged once.
-        let charged =
-            (self.learnt.configured_conflict - self.config.perception.conflict) * e.conflicts;
-        let due = (c.conflict_cost * e.conflict_share() - charged).max(0.0);
-        beyond_noise - due >= c.min_evidence
+        let due = c.conflict_cost * e.conflict_share();
+        beyond_noise - due >= c.min_evidence && e.miss_share() <= c.max_miss_share
     }
 
     /// Perception model (paper, section 4) of one pose; none when the evidence does not carry a merge.
@@ -212,10 +196,11 @@ impl Model for VirtualRobot<'_> {
             // Known order: the next map that can be placed; those that cannot yet are deferred. Maps
             // that the order leaves out come after.
             let next = order.iter().filter(|m| is_open(m));
-            return next
-                .map(|m| of_map(*m, self.motions(&placed, *m)))
-                .find(|modes| !modes.is_empty())
-                .unwrap_or_default();
+            let modes =
+                next.map(|m| of_map(*m, self.motions(&placed, *m))).find(|modes| !modes.is_empty());
+            if let Some(modes) = modes {
+                return modes;
+            }
         }
         // Unknown order: every open map is a candidate, the best supported are weighed.
         let mut by_map: Vec<(usize, Vec<_>)> = (0..self.maps.len())

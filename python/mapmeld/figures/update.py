@@ -22,15 +22,19 @@ SCENE = ("05_r5", "08_r8", "01_r1")
 two places fit it nearly as well; few triples of these maps are as undecided."""
 
 
+_APART_M, _APART_DEG = 0.5, 10.0
+"""Modes closer than this are one place."""
+
+
 @dataclass(frozen=True, eq=False)
 class UpdateFigure:
-    """An update; all poses but those of the samples' zoom are in the frame of the first map of `before`.
+    """An update. All poses are in the frame of the first map of `before`.
 
     before: maps merged so far, in order, and trajectory: (n, 3), their origins, the last of which is where
-    the virtual robot stands. merged: m_(t-1). z: the next map. modes: (2, 3), its two likeliest places, with
-    covariance (2, 3, 3), share of the likelihood mass of all modes, log_likelihood in nats, and which of
-    them the merge of all maps agrees with (None: neither). samples: the particles' poses, by mode; elsewhere:
-    how many particles went to yet other modes.
+    the virtual robot stands. merged: m_(t-1). z: the next map. modes: (2, 3), its likeliest place and the
+    next one that lies elsewhere, with covariance (2, 3, 3), share of the likelihood mass of all modes,
+    log_likelihood in nats, and right: which of them the merge of all maps agrees with (None: neither).
+    samples: the particles' poses, by mode; elsewhere: how many particles went to yet other modes.
     """
 
     before: tuple[int, ...]
@@ -71,10 +75,13 @@ def _update(study: Study, before: tuple[int, ...], z: int) -> UpdateFigure | Non
     if result.merged is None or len(placed) < len(before):
         return None
     modes = _core.register(prepare(result.merged), study.local[z], "{}")[1]
-    if len(modes) < 2:
+    if not modes:
         return None
     mass = _shares([m["log_odds"] for m in modes])
-    chosen = np.argsort(-mass, kind="stable")[:2].tolist()
+    two = _two(study, z, [np.array(m["T_a_b"]) for m in modes], mass)
+    if two is None:
+        return None
+    chosen = list(two)
     rng = np.random.default_rng(study.seed)
     drawn = rng.choice(len(modes), size=PARTICLES, p=mass)
     T = np.array([modes[k]["T_a_b"] for k in chosen])
@@ -110,18 +117,29 @@ def _shares(log_odds: list[float]) -> NDArray[np.float64]:
     return np.asarray(mass / mass.sum(), dtype=np.float64)
 
 
+def _two(study: Study, z: int, modes: list[Pose], share: NDArray[np.float64]) -> tuple[int, int] | None:
+    """The likeliest mode, and the likeliest of those that lie somewhere else; None when all lie together, as
+    on bent maps."""
+    first, *others = np.argsort(-share, kind="stable").tolist()
+    for k in others:
+        metres, degrees = study.error(z, modes[k], modes[first])
+        if metres > _APART_M or degrees > _APART_DEG:
+            return first, k
+    return None
+
+
 def _most_doubtful_pair(study: Study) -> tuple[int, int] | None:
     """Of the pairs whose likeliest mode is right, that whose runner-up has the largest share."""
     names = [m.name for m in study.result.maps]
     best: tuple[float, int, int] | None = None
     for pair in study.result.pairs:
         a, b = names.index(pair.a), names.index(pair.b)
-        if len(pair.modes) < 2 or study.T_a_b(a, b) is None:
+        if not pair.modes or study.T_a_b(a, b) is None:
             continue
         share = _shares([m.log_odds for m in pair.modes])
-        first = int(np.argmax(share))
-        if study.is_right(a, b, pair.modes[first].T_a_b):
-            doubt = float(np.sort(share)[-2])
+        two = _two(study, b, [m.T_a_b for m in pair.modes], share)
+        if two is not None and study.is_right(a, b, pair.modes[two[0]].T_a_b):
+            doubt = float(share[two[1]])
             if best is None or doubt > best[0]:
                 best = (doubt, a, b)
     return None if best is None else best[1:]

@@ -138,14 +138,13 @@ stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
         /// Least evidence of a merge: the log-likelihood ratio, less what follows, nats.
-        min_evidence: f64 = 14.0,
-        /// The same between merged maps of three or more each, where pairs beyond doubt have shown that
-        /// the maps are clean: much is seen of both, and a wrong pose would contradict much.
-        min_evidence_joined: f64 = 14.0,
+        min_evidence: f64 = 11.0,
         /// What a share of contradicting observations of one would cost, nats.
-        conflict_cost: f64 = 100.0,
+        conflict_cost: f64 = 150.0,
         /// Share of what chance reaches with these maps (mirror image, runner-up) that is taken off.
         noise_share: f64 = 0.5,
+        /// Largest share of walls that are missing where the other map is known.
+        max_miss_share: f64 = 0.33,
         /// Worlds less probable than this make a map ambiguous that they place elsewhere.
         ambiguous_above: f64 = 0.2,
     }

@@ -68,6 +68,16 @@ impl WallEvidence {
         }
     }
 
+    /// Share of the walls looked for in known space that are not there, in [0, 1].
+    pub fn miss_share(&self) -> f64 {
+        let looked_for = self.hits + self.misses;
+        if looked_for > 0.0 {
+            self.misses / looked_for
+        } else {
+            0.0
+        }
+    }
+
     /// Evidence in the second direction: the smaller eigenvalue of [`WallEvidence::directions`].
     pub fn second_direction(&self) -> f64 {
         let [xx, xy, yy] = self.directions;
@@ -93,8 +103,6 @@ struct Target<'a> {
     t_map_frame: crate::se2::Rigid,
     inv_two_sigma_squared: f64,
     hit_radius: f64,
-    /// Share of a full conflict by squared distance out of free space.
-    conflict: [f64; 256],
     slack: f64,
     config: &'a PerceptionConfig,
 }
@@ -103,16 +111,6 @@ impl<'a> Target<'a> {
     fn new(map: &'a LocalMap, t_map_frame: &Se2, config: &'a PerceptionConfig) -> Self {
         let resolution = map.grid.resolution();
         let sigma = config.wall_sigma.max(resolution);
-        let depth = (config.conflict_depth / resolution).max(3.0);
-        let full = (config.full_conflict_depth / resolution).clamp(depth, 15.9);
-        let conflict = std::array::from_fn(|squared| {
-            let d = (squared as f64).sqrt();
-            if d < depth {
-                0.0
-            } else {
-                (d / full).min(1.0)
-            }
-        });
         Self {
             map,
             view: map.field_view(t_map_frame),
@@ -120,7 +118,6 @@ impl<'a> Target<'a> {
             inv_two_sigma_squared: 0.5 / (sigma * sigma),
             // Where the Gaussian has fallen to the level of a miss.
             hit_radius: sigma * (2.0 * (config.hit - config.miss)).max(0.0).sqrt(),
-            conflict,
             slack: resolution,
             config,
         }
@@ -143,7 +140,7 @@ impl<'a> Target<'a> {
         }
         match class_of(self.map.grid.cells()[cell]) {
             Class::Unknown => Outcome::Unknown,
-            Class::Free => match self.conflict[self.map.depth.squared(cell) as usize] {
+            Class::Free => match self.map.conflict_shares[self.map.depth.squared(cell) as usize] {
                 0.0 => Outcome::Miss,
                 share => Outcome::Conflict(share),
             },
@@ -167,6 +164,7 @@ impl<'a> Target<'a> {
 fn tally<'s>(
     samples: impl Iterator<Item = &'s WallSample>,
     targets: &[Target],
+    t_common_samples: &Se2,
     config: &PerceptionConfig,
 ) -> WallEvidence {
     let mut sum = WallEvidence::default();
@@ -200,7 +198,7 @@ fn tally<'s>(
         sum.opposed += w * opposed;
         sum.conflicts += contradicted;
         if hits > 0.0 {
-            let (n, w) = (s.normal, w * hits);
+            let (n, w) = (to_common.rotate(s.normal), w * hits);
             sum.shared_length += config.sample_spacing * hits / seen;
             sum.directions[0] += w * n.x * n.x;
             sum.directions[1] += w * n.x * n.y;
@@ -221,9 +219,9 @@ pub fn pair(
     let mut sum = WallEvidence::default();
     let half = 0.5 * stride as f64;
     let in_a = [Target::new(a, t_a_b, config)];
-    sum.add(&tally(b.samples.iter().step_by(stride), &in_a, config), half);
+    sum.add(&tally(b.samples.iter().step_by(stride), &in_a, t_a_b, config), half);
     let in_b = [Target::new(b, &t_a_b.inverse(), config)];
-    sum.add(&tally(a.samples.iter().step_by(stride), &in_b, config), half);
+    sum.add(&tally(a.samples.iter().step_by(stride), &in_b, &Se2::IDENTITY, config), half);
     sum
 }
 
@@ -265,13 +263,13 @@ pub fn against(
     let mut sum = WallEvidence::default();
     let step = stride(local);
     let thinned = local.samples.iter().step_by(step);
-    sum.add(&tally(thinned, &targets, config), 0.5 * step as f64);
+    sum.add(&tally(thinned, &targets, t_world_map, config), 0.5 * step as f64);
     for l in merged.layers() {
         let layer = &maps[l.map];
         let target = [Target::new(local, &t_world_map.between(&l.t_world_map), config)];
         let step = stride(layer);
         let new = l.new_samples.iter().step_by(step).map(|k| &layer.samples[*k as usize]);
-        sum.add(&tally(new, &target, config), 0.5 * step as f64);
+        sum.add(&tally(new, &target, &l.t_world_map, config), 0.5 * step as f64);
     }
     sum
 }

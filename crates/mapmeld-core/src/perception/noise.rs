@@ -14,6 +14,10 @@ const MIN_HITS: f64 = 8.0;
 const CLEANEST: f64 = 0.01;
 /// Log-likelihood ratio of a conflict, nats, from which maps count as clean.
 const CLEAN: f64 = -6.0;
+/// Share of missing among the hits and missing of a chance alignment.
+const MISSED_BY_CHANCE: f64 = 0.5;
+/// The least that is believed of the same at a true pose.
+const LEAST_MISSED: f64 = 0.05;
 /// Prior observations at the configured rate, so that one short wall does not prove maps clean.
 const PRIOR: f64 = 2.0;
 /// Share of contradicting observations between unrelated maps.
@@ -33,8 +37,6 @@ const MAX_OPPOSED: f64 = 1.0;
 pub struct Learnt {
     /// The configuration with the fitted ratios in place.
     pub perception: PerceptionConfig,
-    /// What a conflict weighed before.
-    pub configured_conflict: f64,
     /// Whether pairs beyond doubt have shown that the maps are clean.
     pub is_clean: bool,
 }
@@ -56,10 +58,30 @@ pub fn learn(config: &PerceptionConfig, pairs: &[PairModes], n: usize) -> Learnt
     let is_clean = strong.len() >= MIN_STRONG && conflict <= CLEAN;
     let perception = PerceptionConfig {
         conflict,
+        miss: miss_ratio(&best, config),
         opposed: if is_clean { opposed_ratio(&strong, config) } else { config.opposed },
         ..config.clone()
     };
-    Learnt { perception, configured_conflict: config.conflict, is_clean }
+    Learnt { perception, is_clean }
+}
+
+/// Log-likelihood ratio of a wall that is not there: from the median share among the best fits. Dearer
+/// than configured at most, as with conflicts.
+fn miss_ratio(best: &[Option<&PairModes>], config: &PerceptionConfig) -> f64 {
+    let mut rates: Vec<f64> = best
+        .iter()
+        .flatten()
+        .map(|p| {
+            let e = &p.modes[0].evidence;
+            (e.misses + PRIOR * MISSED_BY_CHANCE) / (e.misses + e.hits + PRIOR)
+        })
+        .collect();
+    if rates.is_empty() {
+        return config.miss;
+    }
+    rates.sort_by(f64::total_cmp);
+    let rate = rates[rates.len() / 2].max(LEAST_MISSED);
+    (rate / MISSED_BY_CHANCE).ln().min(config.miss)
 }
 
 /// Log-likelihood ratio of a conflict: from the median share among the best fits.
@@ -112,7 +134,9 @@ fn opposed_ratio(strong: &[&PairModes], config: &PerceptionConfig) -> f64 {
 /// Weighs the modes of all pairs anew after the model has changed from `before` to `now`.
 pub fn reweigh(pairs: &mut [PairModes], before: &PerceptionConfig, now: &PerceptionConfig) {
     let change = |e: &WallEvidence| {
-        (now.conflict - before.conflict) * e.conflicts + (now.opposed - before.opposed) * e.opposed
+        (now.conflict - before.conflict) * e.conflicts
+            + (now.miss - before.miss) * e.misses
+            + (now.opposed - before.opposed) * e.opposed
     };
     for p in pairs {
         for m in &mut p.modes {

@@ -88,7 +88,8 @@ fn grow(
     seed: usize,
     config: &StructureConfig,
 ) -> Vec<u32> {
-    let tolerance = config.line_tolerance.max(0.75 * grid.resolution());
+    // Wider than the final one: a slanted wall climbs in steps of a cell, which must not end the line.
+    let tolerance = config.line_tolerance.max(1.5 * grid.resolution());
     let cos_tolerance = config.line_angle_tolerance.cos();
     let mut seen = std::collections::HashSet::from([seed as u32]);
     let mut members = vec![seed as u32];

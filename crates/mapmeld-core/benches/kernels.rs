@@ -211,8 +211,9 @@ fn travel(c: &mut Criterion) {
             pairs: &pairs,
             open: vec![true; n],
             order: None,
+            surcharge: 0.0,
+            parts: None,
             config: &config,
-            learnt: &learnt,
         };
         let start = ParticleFilter::new(robot.start(0), 100, config.filter.resample_below, 1);
         let mut third = start.clone();

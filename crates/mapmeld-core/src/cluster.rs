@@ -10,6 +10,7 @@ use crate::filter::Step;
 use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
+use crate::perception::Overlay;
 use crate::refine;
 use crate::se2::Se2;
 use crate::virtual_robot::PairTable;
@@ -56,6 +57,12 @@ impl Cluster {
     /// The members' grids in their places.
     pub fn placed<'m>(&self, maps: &'m [LocalMap]) -> Vec<(&'m OccupancyGrid, Se2)> {
         self.members.iter().zip(&self.poses).map(|(m, t)| (&maps[*m].grid, *t)).collect()
+    }
+
+    /// The members as layers, with the wall samples that each adds.
+    pub fn overlay(&self, maps: &[LocalMap]) -> Overlay {
+        let members = self.members.iter().zip(&self.poses);
+        members.fold(Overlay::default(), |below, (m, t)| below.with(maps, *m, *t, false, true))
     }
 
     /// The cluster as a map of its own.

@@ -159,7 +159,7 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
 /// No conflict up to a depth, a full one from a greater depth on, in proportion between.
 fn conflict_shares(resolution: f64, config: &Config) -> [f64; 256] {
     let p = &config.perception;
-    let least = (p.conflict_depth / resolution).max(3.0);
+    let least = (p.conflict_depth / resolution).clamp(3.0, 15.9);
     // Depths are known up to the reach of the distance table only.
     let full = (p.full_conflict_depth / resolution).clamp(least, 15.9);
     std::array::from_fn(|squared| {

@@ -13,7 +13,7 @@ use crate::perception::noise;
 use crate::registration::{pair, PairModes};
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
-use crate::virtual_robot::{PairTable, VirtualRobot};
+use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
@@ -47,6 +47,7 @@ fn run(
     let learnt = noise::learn(&config.perception, &found, maps.len());
     noise::reweigh(&mut found, &config.perception, &learnt.perception);
     let pairs = PairTable::new(maps.len(), found);
+    let surcharge = config.perception.conflict - learnt.perception.conflict;
     let config = &Config { perception: learnt.perception.clone(), ..config.clone() };
     clock.lap("register");
 
@@ -57,6 +58,8 @@ fn run(
         open: maps.iter().map(|m| !m.is_blank()).collect(),
         order: known.order.as_deref(),
         config,
+        surcharge,
+        parts: None,
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
@@ -67,7 +70,8 @@ fn run(
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
     // Only clean maps allow it: what contradicts little tells little.
     if learnt.is_clean {
-        while let Some(joined) = join(&maps, &pairs, &clusters, known, config, observer)? {
+        while let Some(joined) = join(&maps, &pairs, &clusters, known, config, surcharge, observer)?
+        {
             clusters = joined;
         }
     }
@@ -143,6 +147,7 @@ fn join(
     clusters: &[Cluster],
     known: &Known,
     config: &Config,
+    surcharge: f64,
     observer: Observer,
 ) -> Result<Option<Vec<Cluster>>> {
     // Single maps alone tell nothing that their pairs have not told.
@@ -157,12 +162,15 @@ fn join(
     let first = known.reference.or_else(|| known.order.as_ref()?.first().copied());
     let reference = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
     let known = Known { order: None, reference };
+    let overlays = parallel::map(clusters, |c| c.overlay(maps));
     let robot = VirtualRobot {
         maps: &merged,
         pairs: &pairs,
         open: vec![true; merged.len()],
         order: None,
         config,
+        surcharge,
+        parts: Some(Parts { maps, overlays: &overlays }),
     };
     let travelled = travel(robot, &known, observer)?;
     if travelled.len() == clusters.len() {

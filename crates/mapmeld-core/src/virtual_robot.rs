@@ -10,7 +10,7 @@ use crate::local_map::LocalMap;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
 use crate::registration::pair::{inverse, log_gaussian_mass, log_search_volume};
-use crate::registration::{PairModes, SAME_WORLD};
+use crate::registration::{climb, PairModes, SAME_WORLD};
 use crate::se2::Se2;
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
@@ -100,6 +100,18 @@ pub struct VirtualRobot<'a> {
     pub order: Option<&'a [usize]>,
     /// Options, with the perception model fitted to the maps.
     pub config: &'a Config,
+    /// What the fitted model charges for a conflict beyond the configured one, nats, not negative.
+    pub surcharge: f64,
+    /// What the maps are merged of, when they are merged maps themselves.
+    pub parts: Option<Parts<'a>>,
+}
+
+/// The maps that merged maps are made of.
+pub struct Parts<'a> {
+    /// The local maps.
+    pub maps: &'a [LocalMap],
+    /// For each merged map, its local maps in its own frame.
+    pub overlays: &'a [Overlay],
 }
 
 impl VirtualRobot<'_> {
@@ -152,8 +164,25 @@ impl VirtualRobot<'_> {
             .map(|l| self.pairs.noise_floor(self.maps, l.map, map))
             .fold(0.0, f64::max);
         let beyond_noise = e.log_likelihood - c.noise_share * floor;
-        let due = c.conflict_cost * e.conflict_share();
-        beyond_noise - due >= c.min_evidence && e.miss_share() <= c.max_miss_share
+        // What the fitted model has charged already is not charged again.
+        let due = (c.conflict_cost * e.conflict_share() - self.surcharge * e.conflicts).max(0.0);
+        let least = if self.parts.is_some() { c.min_evidence_joined } else { c.min_evidence };
+        beyond_noise - due >= least && e.miss_share() <= c.max_miss_share
+    }
+
+    /// What the walls say of a map against the merged map. The walls of merged maps are those of the
+    /// maps they are merged of, which no raster has blurred: the pose is led to their maximum first.
+    fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
+        let p = &self.config.perception;
+        let Some(parts) = &self.parts else {
+            return (x, likelihood::against(self.maps, merged, map, &x, p));
+        };
+        let of = |map: usize, x: &Se2| parts.overlays[map].placed(parts.maps, x);
+        let placed: Vec<_> = merged.layers().flat_map(|l| of(l.map, &l.t_world_map)).collect();
+        let own = of(map, &Se2::IDENTITY);
+        let most = self.config.registration.max_iterations;
+        let x = climb::climb_group(&placed, &own, &x, most, p).unwrap_or(x);
+        (x, likelihood::between(&placed, &of(map, &x), p))
     }
 
     /// Perception model (paper, section 4) of one pose; none when the evidence does not carry a merge.
@@ -164,7 +193,7 @@ impl VirtualRobot<'_> {
         (_, x, covariance): (f64, Se2, Matrix3<f64>),
     ) -> Option<NextPose> {
         let p = &self.config.perception;
-        let evidence = likelihood::against(self.maps, merged, map, &x, p);
+        let (x, evidence) = self.look(merged, map, x);
         let anchor = merged.layers().last().expect("a merged map holds its reference").map;
         let log_volume = log_search_volume(&self.maps[anchor], &self.maps[map]);
         let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;

@@ -99,7 +99,7 @@ stage! {
         /// Distance between the wall points that are compared, metres.
         sample_spacing: f64 = 0.1,
         /// Most wall points of a map that the filter weighs a pose with; more are thinned evenly.
-        max_samples: usize = 400,
+        max_samples: usize = 800,
         /// Standard deviation of the distance between the same wall in two maps, metres; at least
         /// one cell.
         wall_sigma: f64 = 0.07,
@@ -138,7 +138,9 @@ stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
         /// Least evidence of a merge: the log-likelihood ratio, less what follows, nats.
-        min_evidence: f64 = 11.0,
+        min_evidence: f64 = 11.5,
+        /// The same between merged maps: much is seen of both, so chance reaches less.
+        min_evidence_joined: f64 = 7.0,
         /// What a share of contradicting observations of one would cost, nats.
         conflict_cost: f64 = 150.0,
         /// Share of what chance reaches with these maps (mirror image, runner-up) that is taken off.

@@ -56,6 +56,7 @@ impl Config {
         count("filter.candidates_per_map", f.candidates_per_map)?;
         count("filter.maps_per_step", f.maps_per_step)?;
         finite("evidence.min_evidence", self.evidence.min_evidence)?;
+        finite("evidence.min_evidence_joined", self.evidence.min_evidence_joined)?;
         finite("evidence.conflict_cost", self.evidence.conflict_cost)?;
         share("evidence.max_miss_share", self.evidence.max_miss_share)?;
         share("evidence.noise_share", self.evidence.noise_share)?;

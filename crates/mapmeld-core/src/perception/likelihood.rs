@@ -58,14 +58,10 @@ impl WallEvidence {
         }
     }
 
-    /// Share of the decisive observations that contradict, in [0, 1].
+    /// Share of the decisive observations that contradict, in [0, 1). A few agreeing ones are taken for
+    /// granted, so that a small overlap does not turn one stray cell into a large share.
     pub fn conflict_share(&self) -> f64 {
-        let decisive = self.hits + self.conflicts;
-        if decisive > 0.0 {
-            self.conflicts / decisive
-        } else {
-            0.0
-        }
+        self.conflicts / (self.hits + self.conflicts + 5.0)
     }
 
     /// Share of the walls looked for in known space that are not there, in [0, 1].
@@ -246,6 +242,46 @@ pub fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, stride: usize) -> f64 {
     score
 }
 
+/// A map at its place, and those of its wall samples that speak for it; none: all of them.
+pub struct Placed<'a> {
+    /// The map.
+    pub map: &'a LocalMap,
+    /// Where it lies.
+    pub t_world_map: Se2,
+    /// Indices of its wall samples.
+    pub samples: Option<&'a [u32]>,
+}
+
+impl Placed<'_> {
+    /// What this map's samples say of the other maps.
+    fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
+        let targets: Vec<Target> = others
+            .iter()
+            .map(|o| Target::new(o.map, &o.t_world_map.between(&self.t_world_map), config))
+            .collect();
+        let all = &self.map.samples;
+        let step = all.len().div_ceil(config.max_samples).max(1);
+        let mut sum = WallEvidence::default();
+        let tallied = match self.samples {
+            None => tally(all.iter().step_by(step), &targets, &self.t_world_map, config),
+            Some(own) => {
+                let own = own.iter().step_by(step).map(|k| &all[*k as usize]);
+                tally(own, &targets, &self.t_world_map, config)
+            }
+        };
+        sum.add(&tallied, step as f64);
+        sum
+    }
+}
+
+/// Evidence of two groups of placed maps against each other.
+pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> WallEvidence {
+    let mut sum = WallEvidence::default();
+    b.iter().for_each(|p| sum.add(&p.tally_against(a, config), 0.5));
+    a.iter().for_each(|p| sum.add(&p.tally_against(b, config), 0.5));
+    sum
+}
+
 /// Evidence of a local map against a merged map (paper, section 2: z_t given m_{t-1}).
 pub fn against(
     maps: &[LocalMap],
@@ -254,22 +290,6 @@ pub fn against(
     t_world_map: &Se2,
     config: &PerceptionConfig,
 ) -> WallEvidence {
-    let local = &maps[map];
-    let targets: Vec<Target> = merged
-        .layers()
-        .map(|l| Target::new(&maps[l.map], &l.t_world_map.between(t_world_map), config))
-        .collect();
-    let stride = |m: &LocalMap| m.samples.len().div_ceil(config.max_samples).max(1);
-    let mut sum = WallEvidence::default();
-    let step = stride(local);
-    let thinned = local.samples.iter().step_by(step);
-    sum.add(&tally(thinned, &targets, t_world_map, config), 0.5 * step as f64);
-    for l in merged.layers() {
-        let layer = &maps[l.map];
-        let target = [Target::new(local, &t_world_map.between(&l.t_world_map), config)];
-        let step = stride(layer);
-        let new = l.new_samples.iter().step_by(step).map(|k| &layer.samples[*k as usize]);
-        sum.add(&tally(new, &target, &l.t_world_map, config), 0.5 * step as f64);
-    }
-    sum
+    let local = Placed { map: &maps[map], t_world_map: *t_world_map, samples: None };
+    between(&merged.placed(maps, &Se2::IDENTITY), &[local], config)
 }

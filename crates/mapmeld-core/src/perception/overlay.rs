@@ -6,6 +6,7 @@
 
 use crate::grid::Locator;
 use crate::local_map::LocalMap;
+use crate::perception::likelihood::Placed;
 use crate::se2::{Se2, Vec2};
 use std::sync::Arc;
 
@@ -42,6 +43,17 @@ impl Overlay {
             (None, None) => true,
             _ => false,
         }
+    }
+
+    /// The layers as placed maps with their new samples, in a frame given by `t_frame_world`.
+    pub fn placed<'a>(&'a self, maps: &'a [LocalMap], t_frame_world: &Se2) -> Vec<Placed<'a>> {
+        self.layers()
+            .map(|l| Placed {
+                map: &maps[l.map],
+                t_world_map: t_frame_world.compose(&l.t_world_map),
+                samples: Some(&l.new_samples),
+            })
+            .collect()
     }
 
     /// Folds a local map in at a pose. With `cells` the new cells of each class are worked out

@@ -3,6 +3,7 @@
 
 use crate::config::PerceptionConfig;
 use crate::local_map::{LocalMap, WallSample};
+use crate::perception::likelihood::Placed;
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
@@ -71,12 +72,56 @@ pub fn climb(
     perception: &PerceptionConfig,
 ) -> Option<Se2> {
     let resolution = a.grid.resolution().max(b.grid.resolution());
+    let wide = 0.5 * a.reach().min(b.reach());
+    ascend(*start, wide, resolution, max_iterations, perception, |t, f| {
+        matches(a, b, t, stride, f);
+    })
+}
+
+/// Climbs with whole groups of placed maps: b's maps lie in a frame of their own, and `start` is that
+/// frame's pose in the world of a's. None when no walls match.
+pub fn climb_group(
+    a: &[Placed],
+    b: &[Placed],
+    start: &Se2,
+    max_iterations: usize,
+    perception: &PerceptionConfig,
+) -> Option<Se2> {
+    let grids = || a.iter().chain(b).map(|p| &p.map.grid);
+    let resolution = grids().map(|g| g.resolution()).fold(0.0, f64::max);
+    let reach = a.iter().chain(b).map(|p| p.map.reach()).fold(f64::INFINITY, f64::min);
+    ascend(*start, 0.5 * reach, resolution, max_iterations, perception, |t, f| {
+        for p in a {
+            let to_world = p.t_world_map.to_rigid();
+            for q in b {
+                let t_p_q = p.t_world_map.between(&t.compose(&q.t_world_map));
+                matches(p.map, q.map, &t_p_q, 1, |m| {
+                    f(Match {
+                        moving: to_world.apply(m.moving),
+                        normal: to_world.rotate(m.normal),
+                        residual: m.residual,
+                    });
+                });
+            }
+        }
+    })
+}
+
+/// Gauss-Newton under a kernel that narrows from `wide`; `each` tells the matches at a pose.
+fn ascend(
+    start: Se2,
+    wide: f64,
+    resolution: f64,
+    max_iterations: usize,
+    perception: &PerceptionConfig,
+    each: impl Fn(&Se2, &mut dyn FnMut(Match)),
+) -> Option<Se2> {
     let finest = perception.wall_sigma.max(resolution);
-    let mut scale = 0.5 * a.reach().min(b.reach());
-    let mut t = *start;
+    let mut scale = wide;
+    let mut t = start;
     for _ in 0..max_iterations {
         let (mut h, mut g, mut n) = (Matrix3::zeros(), Vector3::zeros(), 0);
-        matches(a, b, &t, stride, |m| {
+        each(&t, &mut |m| {
             let j = m.jacobian(t.translation());
             let w = robust_weight(m.residual, scale);
             h += w * j * j.transpose();

@@ -19,7 +19,7 @@ const PEAKS: usize = 40;
 /// Side of a vote's bin, metres.
 const BIN: f64 = 0.2;
 /// Most samples of a map that vote.
-const MAX_VOTERS: usize = 600;
+const MAX_VOTERS: usize = 350;
 
 /// Candidates for `T_a_b`.
 pub fn candidates(a: &LocalMap, b: &LocalMap) -> Vec<Candidate> {

@@ -79,9 +79,9 @@ fn find_modes(
     blinked.sort_by(|x, y| y.0.total_cmp(&x.0));
     blinked.truncate(40 * shortlist);
     let blinked = blinked.into_iter().map(|(_, c)| c).collect();
-    let mut glanced = distinct(look(blinked, GLANCE_SAMPLES), 4 * shortlist);
-    glanced.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
-    let shortlisted = distinct(climb_all(glanced, GLANCE_SAMPLES, FIRST_STEPS), shortlist);
+    let glanced = distinct(look(blinked, GLANCE_SAMPLES), 4 * shortlist);
+    let mut shortlisted = distinct(climb_all(glanced, GLANCE_SAMPLES, FIRST_STEPS), shortlist);
+    shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
     let kept = distinct(climb_all(shortlisted, CLIMB_SAMPLES, r.max_iterations), r.max_modes);
 
     let log_volume = log_search_volume(ma, mb);

@@ -164,10 +164,16 @@ impl VirtualRobot<'_> {
             .map(|l| self.pairs.noise_floor(self.maps, l.map, map))
             .fold(0.0, f64::max);
         let beyond_noise = e.log_likelihood - c.noise_share * floor;
+        if e.miss_share() > c.max_miss_share {
+            return false;
+        }
+        // Merged maps join only where the maps are clean: the fitted model charges conflicts in full.
+        if self.parts.is_some() {
+            return beyond_noise >= c.min_evidence_joined;
+        }
         // What the fitted model has charged already is not charged again.
         let due = (c.conflict_cost * e.conflict_share() - self.surcharge * e.conflicts).max(0.0);
-        let least = if self.parts.is_some() { c.min_evidence_joined } else { c.min_evidence };
-        beyond_noise - due >= least && e.miss_share() <= c.max_miss_share
+        beyond_noise - due >= c.min_evidence
     }
 
     /// What the walls say of a map against the merged map. The walls of merged maps are those of the

@@ -11,7 +11,7 @@ use crate::registration::PairModes;
 /// Observations that a pair must share before it has a say.
 const MIN_HITS: f64 = 8.0;
 /// Share of contradicting observations at a true pose that is believed without having been seen.
-const CLEANEST: f64 = 0.01;
+const CLEANEST: f64 = 0.02;
 /// Log-likelihood ratio of a conflict, nats, from which maps count as clean.
 const CLEAN: f64 = -6.0;
 /// Share of missing among the hits and missing of a chance alignment.

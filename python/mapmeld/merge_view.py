@@ -15,14 +15,16 @@ _NONE = "-"
 
 
 def summary_table(result: MergeResult) -> Table:
-    """A row a map: component, pose in its frame, standard deviations, status, probability."""
+    """A row a map: component, pose in the frame of the component's reference map, standard deviations,
+    status, and the share of the particles' weight that agrees with its place.
+    """
     # Narrow enough for 80 columns with names of ten letters; numbers are never cut.
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("map", overflow="fold")
     for head in ("comp", "x m", "y m", "theta deg", "sd x", "sd y", "sd theta"):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
-    table.add_column("p", justify="right", no_wrap=True)
+    table.add_column("share", justify="right", no_wrap=True)
     for placed in result.maps:
         # Text, not str: rich would read [brackets] in a map's name as markup.
         table.add_row(*(Text(cell) for cell in _cells(placed, result)))
@@ -35,7 +37,8 @@ def warnings(result: MergeResult) -> list[str]:
     parts = len(result.merged_maps)
     if parts > 1:
         lines.append(
-            f"the maps fall into {parts} components that share no evidence; each is a merged map of its own"
+            f"the maps fall into {parts} components; between them there is not enough evidence to merge "
+            "(-v shows every pair). Each component is a merged map of its own"
         )
     by_status = {
         "ambiguous": "could lie elsewhere nearly as probably (see hypotheses in result.json)",
@@ -80,4 +83,6 @@ def _cells(m: PlacedMap, result: MergeResult) -> list[str]:
         sx, sy, st = (math.sqrt(max(v, 0.0)) for v in m.covariance.diagonal().tolist())
         deviations = [f"{sx:.3f}", f"{sy:.3f}", f"{math.degrees(st):.2f}"]
     pose = [f"{x:.3f}", f"{y:.3f}", f"{math.degrees(theta):.2f}"]
-    return [m.name, str(m.component), *pose, *deviations, m.status, f"{m.probability:.2f}"]
+    # A map alone was placed by nobody: there is nothing to be sure of.
+    share = _NONE if len(result.components[m.component].order) == 1 else f"{m.probability:.2f}"
+    return [m.name, str(m.component), *pose, *deviations, m.status, share]

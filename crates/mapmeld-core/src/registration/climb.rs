@@ -95,7 +95,11 @@ pub fn climb_group(
             let to_world = p.t_world_map.to_rigid();
             for q in b {
                 let t_p_q = p.t_world_map.between(&t.compose(&q.t_world_map));
-                matches(p.map, q.map, &t_p_q, 1, |m| {
+                if !may_touch(p.map, q.map, &t_p_q) {
+                    continue;
+                }
+                // Every second sample: groups have plenty.
+                matches(p.map, q.map, &t_p_q, 2, |m| {
                     f(Match {
                         moving: to_world.apply(m.moving),
                         normal: to_world.rotate(m.normal),
@@ -105,6 +109,17 @@ pub fn climb_group(
             }
         }
     })
+}
+
+/// False when the grids are too far apart for any wall of one to lie on the other.
+fn may_touch(a: &LocalMap, b: &LocalMap, t_a_b: &Se2) -> bool {
+    let disc = |m: &LocalMap| {
+        let (w, h) = m.extent();
+        let middle = m.grid.grid_to_map(0.5 * m.grid.width() as f64, 0.5 * m.grid.height() as f64);
+        (middle, 0.5 * w.hypot(h))
+    };
+    let ((ma, ra), (mb, rb)) = (disc(a), disc(b));
+    (ma - t_a_b.apply(mb)).norm() <= ra + rb
 }
 
 /// Gauss-Newton under a kernel that narrows from `wide`; `each` tells the matches at a pose.

@@ -33,7 +33,7 @@ impl DistanceTable {
 
     /// Distances to the cells where `set` is true; `set.len() == width * height`.
     pub fn to_set(set: &[bool], width: usize, height: usize) -> Self {
-        const NONE: i32 = i32::MAX;
+        const NONE: i64 = i64::MAX;
         let cap = 16i32;
         // Distance along the row, truncated at `cap` (16^2 > MAX_SQUARED).
         let mut along = vec![cap; width * height];
@@ -52,18 +52,18 @@ impl DistanceTable {
         }
         // Columns: the lower envelope of the parabolas (y - y0)^2 + along^2.
         let mut squared = vec![FAR; width * height];
-        let mut sites: Vec<(i32, i32)> = Vec::with_capacity(height);
-        let mut starts: Vec<i32> = Vec::with_capacity(height);
+        let mut sites: Vec<(i64, i64)> = Vec::with_capacity(height);
+        let mut starts: Vec<i64> = Vec::with_capacity(height);
         for col in 0..width {
             sites.clear();
             starts.clear();
-            for y in 0..height as i32 {
+            for y in 0..height as i64 {
                 let d = along[y as usize * width + col];
                 if d >= cap {
                     continue;
                 }
-                let f = d * d;
-                let mut from = i32::MIN;
+                let f = i64::from(d * d);
+                let mut from = i64::MIN;
                 while let Some(&(y0, f0)) = sites.last() {
                     // The first integer row at which the new parabola is lower than the last.
                     let num = (f + y * y) - (f0 + y0 * y0);
@@ -79,13 +79,13 @@ impl DistanceTable {
                 starts.push(from);
             }
             let mut k = 0;
-            for y in 0..height as i32 {
+            for y in 0..height as i64 {
                 while k + 1 < sites.len() && starts[k + 1] <= y {
                     k += 1;
                 }
                 if let Some(&(y0, f0)) = sites.get(k) {
                     let d = (y - y0) * (y - y0) + f0;
-                    if d as u32 <= MAX_SQUARED {
+                    if d <= i64::from(MAX_SQUARED) {
                         squared[y as usize * width + col] = d as u8;
                     }
                 }

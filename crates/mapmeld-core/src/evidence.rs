@@ -150,6 +150,9 @@ pub fn hypotheses(clusters: &[Cluster]) -> Vec<Hypothesis> {
         }
         next.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         next.truncate(MAX_HYPOTHESES);
+        // Probabilities are given that one of those told is true.
+        let told: f64 = next.iter().map(|h| h.probability).sum();
+        next.iter_mut().for_each(|h| h.probability /= told);
         out = next;
     }
     out

@@ -10,6 +10,10 @@ pub const FREE_AT_MOST: i8 = 25;
 /// Smallest occupancy (percent) of an occupied cell; nav2's occupied_thresh.
 pub const OCCUPIED_AT_LEAST: i8 = 65;
 
+/// Farthest that a grid may lie from its map frame's origin, metres: beyond it cells of a few
+/// centimetres drown in rounding.
+const MAX_ORIGIN: f64 = 1e8;
+
 /// What a cell is (paper, section 4: the classes C).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Class {
@@ -67,6 +71,9 @@ impl OccupancyGrid {
         }
         if !(origin.x.is_finite() && origin.y.is_finite() && origin.theta.is_finite()) {
             return fail("origin", "x, y and theta must be finite".into());
+        }
+        if origin.x.abs().max(origin.y.abs()) > MAX_ORIGIN {
+            return fail("origin", format!("farther than {MAX_ORIGIN:e} m from the map frame"));
         }
         if let Some(v) = cells.iter().find(|v| **v < UNKNOWN || **v > 100) {
             return fail("cells", format!("value {v}; must be -1 or 0..=100"));

@@ -45,6 +45,8 @@ pub struct LocalMap {
     pub corners: Vec<Corner>,
     /// Wall points at a regular spacing, with the evidence each carries.
     pub samples: Vec<WallSample>,
+    /// Distance between neighbouring wall samples, metres.
+    pub spacing: f64,
     /// Mean of the known cells' centres; none for a blank map.
     pub center: Option<Vec2>,
     /// Squared distance to the nearest occupied cell.
@@ -70,11 +72,7 @@ impl LocalMap {
     /// Prepares a map.
     pub fn new(grid: OccupancyGrid, config: &Config) -> Self {
         let mut boundary = boundary::extract(&grid);
-        if boundary.len() > MAX_BOUNDARY {
-            let step = boundary.len().div_ceil(MAX_BOUNDARY);
-            boundary = boundary.into_iter().step_by(step).collect();
-        }
-        let lines = lines::fit(&grid, &boundary, &config.structure);
+        let mut lines = lines::fit(&grid, &boundary, &config.structure);
         // A line knows the direction of its wall better than the steps of its cells do.
         for line in &lines {
             line.points.iter().for_each(|k| boundary[*k as usize].normal = line.normal);
@@ -82,11 +80,21 @@ impl LocalMap {
         let mut corners = corners::find(&grid, &lines, &config.structure);
         corners.truncate(config.registration.max_corners);
         let samples = sample_walls(&grid, &boundary, &lines, config);
+        // Lines and samples know every point; the field of a very large map looks up fewer.
+        if boundary.len() > MAX_BOUNDARY {
+            let step = boundary.len().div_ceil(MAX_BOUNDARY);
+            boundary = boundary.into_iter().step_by(step).collect();
+            for line in &mut lines {
+                line.points.retain(|k| *k as usize % step == 0);
+                line.points.iter_mut().for_each(|k| *k /= step as u32);
+            }
+        }
         let reach_cells =
             ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, 15);
         let field = LikelihoodField::new(&grid, &boundary, reach_cells);
         let max_cells = config.perception.max_cells;
         Self {
+            spacing: config.perception.sample_spacing.max(grid.resolution()),
             center: grid.known_center(),
             to_occupied: DistanceTable::to_class(&grid, Class::Occupied),
             to_free: DistanceTable::to_class(&grid, Class::Free),

@@ -246,7 +246,7 @@ fn observed<T: Sync, R: Send>(
     observer: Observer,
     f: impl Fn(&T) -> R + Sync + Send,
 ) -> Result<Vec<R>> {
-    let batch = 2 * rayon::current_num_threads();
+    let batch = 8 * rayon::current_num_threads();
     let mut out = Vec::with_capacity(items.len());
     observe(observer, stage, 0, items.len())?;
     for chunk in items.chunks(batch) {

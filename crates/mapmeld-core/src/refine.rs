@@ -201,7 +201,7 @@ fn covariances(
 ) -> Vec<Matrix3<f64>> {
     let p = &config.perception;
     let sigma = p.wall_sigma.max(resolution);
-    h *= 0.5 * p.sample_spacing / p.correlation_length / (sigma * sigma);
+    h *= 0.5 * p.sample_spacing.max(resolution) / p.correlation_length / (sigma * sigma);
     for k in (0..3 * n).filter(|k| k / 3 != anchor) {
         // A wide prior (10 m, 1 rad) keeps free directions finite, and large.
         h[(k, k)] += if k % 3 == 2 { 1.0 } else { 0.01 };

@@ -34,11 +34,6 @@ impl PairTable {
         Self { n, pairs, at }
     }
 
-    /// All pairs.
-    pub fn pairs(&self) -> &[PairModes] {
-        &self.pairs
-    }
-
     /// Takes the pairs out.
     pub fn into_pairs(self) -> Vec<PairModes> {
         self.pairs

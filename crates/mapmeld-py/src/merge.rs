@@ -6,9 +6,9 @@ use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::merge::merge as core_merge;
 use mapmeld_core::result::{Known, Merge, Stage};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use std::panic::resume_unwind;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::Mutex;
 use std::time::Duration;
@@ -64,7 +64,10 @@ pub fn merge<'py>(
             (Err(RecvTimeoutError::Disconnected), _) => break,
         }
     }
-    let found = py.detach(|| worker.join()).unwrap_or_else(|panic| resume_unwind(panic));
+    // A panic is a bug of the core: an exception like any other, so that callers can report it.
+    let found = py
+        .detach(|| worker.join())
+        .map_err(|_| PyRuntimeError::new_err("the core failed; please report this as a bug"))?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
 }
 

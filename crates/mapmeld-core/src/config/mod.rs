@@ -138,9 +138,9 @@ stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
         /// Least evidence of a merge: the log-likelihood ratio, less what follows, nats.
-        min_evidence: f64 = 11.5,
+        min_evidence: f64 = 12.0,
         /// The same between merged maps: much is seen of both, so chance reaches less.
-        min_evidence_joined: f64 = 7.0,
+        min_evidence_joined: f64 = 7.5,
         /// What a share of contradicting observations of one would cost, nats.
         conflict_cost: f64 = 150.0,
         /// Share of what chance reaches with these maps (mirror image, runner-up) that is taken off.

@@ -3,6 +3,9 @@
 use crate::config::Config;
 use crate::error::{Error, Result};
 
+/// Largest number of anything that is counted: beyond it lie memory and patience, not quality.
+const MAX_COUNT: usize = 100_000;
+
 impl Config {
     /// Checks the ranges of all values.
     pub fn validate(&self) -> Result<()> {
@@ -11,11 +14,15 @@ impl Config {
         let angle = |key: &str, v: f64| {
             check(key, v > 0.0 && v < 1.57, v, "an angle in radians between 0 and pi/2")
         };
-        let count = |key: &str, v: usize| check(key, v >= 1, v, "at least 1");
+        let count = |key: &str, v: usize| {
+            check(key, (1..=MAX_COUNT).contains(&v), v, "between 1 and 100000")
+        };
+        let cost =
+            |key: &str, v: f64| check(key, (-1000.0..=0.0).contains(&v), v, "between -1000 and 0");
         let finite = |key: &str, v: f64| check(key, v.is_finite(), v, "finite");
         let optional = |key: &str, v: Option<f64>| v.map_or(Ok(()), |v| positive(key, v));
         if let Some(n) = self.threads {
-            count("threads", n)?;
+            check("threads", (1..=1024).contains(&n), n, "between 1 and 1024")?;
         }
         // JSON numbers of other tools lose digits beyond this, and the seed must survive the file.
         check("seed", self.seed < 1 << 53, self.seed, "below 2^53")?;
@@ -45,9 +52,9 @@ impl Config {
         positive("perception.wall_sigma", p.wall_sigma)?;
         positive("perception.correlation_length", p.correlation_length)?;
         positive("perception.hit", p.hit)?;
-        finite("perception.miss", p.miss)?;
-        finite("perception.opposed", p.opposed)?;
-        finite("perception.conflict", p.conflict)?;
+        cost("perception.miss", p.miss)?;
+        cost("perception.opposed", p.opposed)?;
+        cost("perception.conflict", p.conflict)?;
         positive("perception.conflict_depth", p.conflict_depth)?;
         positive("perception.full_conflict_depth", p.full_conflict_depth)?;
         let f = &self.filter;

@@ -104,8 +104,14 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    fn new(map: &'a LocalMap, t_map_frame: &Se2, config: &'a PerceptionConfig) -> Self {
-        let resolution = map.grid.resolution();
+    /// Samples come from `other`: what its cells blur is blurred here too.
+    fn new(
+        map: &'a LocalMap,
+        other: &LocalMap,
+        t_map_frame: &Se2,
+        config: &'a PerceptionConfig,
+    ) -> Self {
+        let resolution = map.grid.resolution().max(other.grid.resolution());
         let sigma = config.wall_sigma.max(resolution);
         Self {
             map,
@@ -161,6 +167,7 @@ fn tally<'s>(
     samples: impl Iterator<Item = &'s WallSample>,
     targets: &[Target],
     t_common_samples: &Se2,
+    spacing: f64,
     config: &PerceptionConfig,
 ) -> WallEvidence {
     let mut sum = WallEvidence::default();
@@ -195,7 +202,7 @@ fn tally<'s>(
         sum.conflicts += contradicted;
         if hits > 0.0 {
             let (n, w) = (to_common.rotate(s.normal), w * hits);
-            sum.shared_length += config.sample_spacing * hits / seen;
+            sum.shared_length += spacing * hits / seen;
             sum.directions[0] += w * n.x * n.x;
             sum.directions[1] += w * n.x * n.y;
             sum.directions[2] += w * n.y * n.y;
@@ -214,10 +221,13 @@ pub fn pair(
 ) -> WallEvidence {
     let mut sum = WallEvidence::default();
     let half = 0.5 * stride as f64;
-    let in_a = [Target::new(a, t_a_b, config)];
-    sum.add(&tally(b.samples.iter().step_by(stride), &in_a, t_a_b, config), half);
-    let in_b = [Target::new(b, &t_a_b.inverse(), config)];
-    sum.add(&tally(a.samples.iter().step_by(stride), &in_b, &Se2::IDENTITY, config), half);
+    let in_a = [Target::new(a, b, t_a_b, config)];
+    sum.add(&tally(b.samples.iter().step_by(stride), &in_a, t_a_b, b.spacing, config), half);
+    let in_b = [Target::new(b, a, &t_a_b.inverse(), config)];
+    sum.add(
+        &tally(a.samples.iter().step_by(stride), &in_b, &Se2::IDENTITY, a.spacing, config),
+        half,
+    );
     sum
 }
 
@@ -257,19 +267,24 @@ impl Placed<'_> {
     fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
         let targets: Vec<Target> = others
             .iter()
-            .map(|o| Target::new(o.map, &o.t_world_map.between(&self.t_world_map), config))
+            .map(|o| {
+                Target::new(o.map, self.map, &o.t_world_map.between(&self.t_world_map), config)
+            })
             .collect();
         let all = &self.map.samples;
-        let step = all.len().div_ceil(config.max_samples).max(1);
-        let mut sum = WallEvidence::default();
+        let count = self.samples.map_or(all.len(), <[u32]>::len);
+        let step = count.div_ceil(config.max_samples).max(1);
+        let (t, spacing) = (&self.t_world_map, self.map.spacing);
         let tallied = match self.samples {
-            None => tally(all.iter().step_by(step), &targets, &self.t_world_map, config),
+            None => tally(all.iter().step_by(step), &targets, t, spacing, config),
             Some(own) => {
                 let own = own.iter().step_by(step).map(|k| &all[*k as usize]);
-                tally(own, &targets, &self.t_world_map, config)
+                tally(own, &targets, t, spacing, config)
             }
         };
-        sum.add(&tallied, step as f64);
+        let taken = count.div_ceil(step).max(1);
+        let mut sum = WallEvidence::default();
+        sum.add(&tallied, count as f64 / taken as f64);
         sum
     }
 }

@@ -128,7 +128,7 @@ fn opposed_ratio(strong: &[&PairModes], config: &PerceptionConfig) -> f64 {
     };
     let (hits, opposed) = (sum(|e| e.hits), sum(|e| e.opposed));
     let rate = (opposed + 10.0 * OPPOSED_BY_CHANCE) / (hits + opposed + 10.0);
-    (rate / OPPOSED_BY_CHANCE).ln().clamp(config.opposed, MAX_OPPOSED)
+    (rate / OPPOSED_BY_CHANCE).ln().min(MAX_OPPOSED).max(config.opposed)
 }
 
 /// Weighs the modes of all pairs anew after the model has changed from `before` to `now`.

@@ -178,7 +178,7 @@ pub fn covariance(
     let resolution = a.grid.resolution().max(b.grid.resolution());
     let sigma = perception.wall_sigma.max(resolution);
     // Both directions tell of the same walls: half each.
-    let discount = 0.5 * perception.sample_spacing / perception.correlation_length;
+    let discount = 0.5 * a.spacing.max(b.spacing) / perception.correlation_length;
     let mut h = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
     matches(a, b, t_a_b, 1, |m| {
         let j = m.jacobian(t_a_b.translation());

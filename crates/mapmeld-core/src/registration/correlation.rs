@@ -16,8 +16,10 @@ const BINS: usize = 360;
 const ROTATIONS: usize = 8;
 /// Peaks of the votes that are kept at each rotation.
 const PEAKS: usize = 40;
-/// Side of a vote's bin, metres.
+/// Side of a vote's bin, metres, where the table stays small enough.
 const BIN: f64 = 0.2;
+/// Most bins of a table; shifts of larger maps are told apart more coarsely.
+const MAX_BINS: f64 = 4e6;
 /// Most samples of a map that vote.
 const MAX_VOTERS: usize = 350;
 
@@ -107,18 +109,20 @@ impl Votes {
         let (a_min, a_max) = bounds(&self.a);
         let (b_min, b_max) = bounds(&b);
         let low = a_min - b_max;
-        let size = (a_max - b_min - low) / BIN;
+        let span = a_max - b_min - low;
+        let bin = BIN.max((span.x * span.y / MAX_BINS).sqrt()).max(span.max() / MAX_BINS);
+        let size = span / bin;
         let (w, h) = (size.x as usize + 3, size.y as usize + 3);
         self.table.clear();
         self.table.resize(w * h, 0.0);
         for sa in &self.a {
-            let base = (sa.position - low) / BIN + Vec2::new(0.5, 0.5);
+            let base = (sa.position - low) / bin + Vec2::new(0.5, 0.5);
             for sb in &b {
                 let dot = sa.normal.dot(&sb.normal);
                 if dot.abs() < 0.8 {
                     continue;
                 }
-                let p = base - sb.position / BIN;
+                let p = base - sb.position / bin;
                 let (col, row) = (p.x as usize, p.y as usize);
                 // Opposed walls in the same place speak against the shift.
                 let vote = (sa.weight * sb.weight).sqrt() * if dot > 0.0 { 1.0 } else { -0.5 };
@@ -151,7 +155,7 @@ impl Votes {
         tops.truncate(PEAKS);
         tops.into_iter()
             .map(|(_, at)| {
-                let shift = low + Vec2::new((at % w) as f64 - 0.5, (at / w) as f64 - 0.5) * BIN;
+                let shift = low + Vec2::new((at % w) as f64 - 0.5, (at / w) as f64 - 0.5) * bin;
                 Se2::from_parts(shift, theta)
             })
             .collect()

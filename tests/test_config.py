@@ -21,6 +21,10 @@ OTHER = {
     "perception.model": "psi_gamma",
     "perception.classes": "all",
     "fuse.rule": "max",
+    "perception.more_bent": [
+        {"climb_sigma": 0.2, "wall_sigma": 0.1, "bend_shift": 0.3, "bend_turn": 0.05},
+    ],
+    "evidence.weights": [0.5] * 12,
 }
 
 

@@ -47,7 +47,9 @@ def test_look_at_a_pair(tmp_path: Path) -> None:
     table = [
         [float(v) for v in row.split()[:7]]
         for row in rows
-        if row.endswith(("corners", "segments")) and not row.endswith(": corners") and row.startswith("  ")
+        if row.endswith(("corners", "segments", "correlation"))
+        and not row.endswith(": corners")
+        and row.startswith("  ")
     ]
     assert table
     log_likelihood = [row[3] for row in table]

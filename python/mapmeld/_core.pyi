@@ -19,6 +19,7 @@ __all__ = [
     "merge",
     "perceive",
     "register",
+    "weigh",
 ]
 
 __version__: str
@@ -26,9 +27,15 @@ __version__: str
 class _Evidence(TypedDict):
     log_likelihood: float
     hits: float
+    spread: float
     misses: float
     opposed: float
     conflicts: float
+    straight_conflicts: float
+    distinct_hits: float
+    bending: float
+    shared_floor: float
+    blocked_floor: float
     shared_length: float
     agreement: float
     second_direction: float
@@ -38,6 +45,11 @@ class _Mode(_Evidence):
     covariance: list[list[float]]
     log_odds: float
     source: str
+
+class _Weighed(TypedDict):
+    rung: int
+    modes: list[_Mode]
+    features: list[float] | None
 
 class _Perception(TypedDict):
     psi: NDArray[np.float64]
@@ -95,6 +107,8 @@ class _Pair(TypedDict):
     a: int
     b: int
     candidates: int
+    status: str
+    probability: float
     decoy_log_likelihood: float | None
     modes: list[_Mode]
 
@@ -113,11 +127,13 @@ class LocalMap:
     def boundary(self) -> _Boundary: ...
     def lines(self) -> _Lines: ...
     def corners(self) -> _Corners: ...
+    def mirrored(self, config: str) -> LocalMap: ...
     def class_counts(self) -> tuple[int, int, int]: ...
 
 def default_config() -> str: ...
 def effective_config(config: str) -> str: ...
 def register(a: LocalMap, b: LocalMap, config: str) -> tuple[int, list[_Mode]]: ...
+def weigh(a: LocalMap, b: LocalMap, mirrored_b: LocalMap, config: str) -> _Weighed: ...
 def perceive(a: LocalMap, b: LocalMap, poses: Sequence[Sequence[float]], config: str) -> _Perception: ...
 def candidates(a: LocalMap, b: LocalMap, config: str) -> list[tuple[str, list[float]]]: ...
 def merge(

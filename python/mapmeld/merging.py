@@ -183,6 +183,8 @@ def _result(
                 names[p["a"]],
                 names[p["b"]],
                 p["candidates"],
+                p["status"],
+                _share(p["probability"]),
                 p["decoy_log_likelihood"],
                 tuple(_mode(m) for m in p["modes"]),
             )
@@ -205,6 +207,9 @@ def _mode(m: _core._Mode) -> Mode:
         misses=m["misses"],
         opposed=m["opposed"],
         conflicts=m["conflicts"],
+        straight_conflicts=m["straight_conflicts"],
+        bending=m["bending"],
+        shared_floor=m["shared_floor"],
         agreement=m["agreement"],
         shared_length=m["shared_length"],
         second_direction=m["second_direction"],

@@ -61,7 +61,9 @@ class Mode:
     log_likelihood: of the walls at T_a_b against unrelated maps, nats. log_odds: of the whole mode over the
         search volume, nats; the evidence that the two maps belong together so.
     hits, misses, opposed, conflicts: wall that is found where it should be, is not, faces the other way, lies
-        in free space; in independent observations. agreement: share of hits, 0..1.
+        in free space; in independent observations. straight_conflicts: those of the conflicts that lie amid
+        long straight walls. bending: what bending the maps until their walls met cost, nats; log_likelihood
+        has paid it. shared_floor: open floor that both show, square metres. agreement: share of hits, 0..1.
     shared_length: metres of wall that both maps show. second_direction: how much of it holds the weaker axis.
     source: what proposed the mode: "corners", "segments" or "correlation".
     """
@@ -74,6 +76,9 @@ class Mode:
     misses: float
     opposed: float
     conflicts: float
+    straight_conflicts: float
+    bending: float
+    shared_floor: float
     agreement: float
     shared_length: float
     second_direction: float
@@ -84,6 +89,8 @@ class Mode:
 class Pair:
     """The registration of maps a and b alone: modes, the likeliest first, out of so many candidates.
 
+    status: what would become of these two maps alone: "merged", "ambiguous" or "no evidence". probability:
+        that the first mode is right, 0..1; 0 without one.
     decoy_log_likelihood: the best that the mirror image of one map reaches on the other, nats: what chance
         and repetition reach. None when nothing was tried.
     """
@@ -91,6 +98,8 @@ class Pair:
     a: str
     b: str
     candidates: int
+    status: str
+    probability: float
     decoy_log_likelihood: float | None
     modes: tuple[Mode, ...]
 
@@ -229,6 +238,9 @@ _MODE_NUMBERS = (
     "misses",
     "opposed",
     "conflicts",
+    "straight_conflicts",
+    "bending",
+    "shared_floor",
     "agreement",
     "shared_length",
     "second_direction",
@@ -245,6 +257,8 @@ def _pair(pair: Pair) -> dict[str, Any]:
         "covariance": _numbers(best.covariance) if best else None,
         **{key: _number(getattr(best, key)) if best else None for key in _MODE_NUMBERS},
         "source": best.source if best else None,
+        "status": pair.status,
+        "probability": _number(pair.probability),
         "candidates": pair.candidates,
         "decoy_log_likelihood": _number(pair.decoy_log_likelihood),
         "modes": len(pair.modes),

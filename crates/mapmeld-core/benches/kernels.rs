@@ -13,11 +13,12 @@ use mapmeld_core::grid::{Class, OccupancyGrid, UNKNOWN};
 use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::parallel;
 use mapmeld_core::perception::psi::Comparison;
-use mapmeld_core::perception::{gamma, likelihood, noise, psi, Overlay};
+use mapmeld_core::perception::{gamma, likelihood, psi, Overlay};
 use mapmeld_core::refine;
 use mapmeld_core::registration::{corners as corner_source, correlation, pair, segments};
 use mapmeld_core::se2::{Se2, Vec2};
 use mapmeld_core::structure::{corners, lines};
+use mapmeld_core::verdict;
 use mapmeld_core::virtual_robot::{PairTable, VirtualRobot};
 use std::hint::black_box;
 use std::time::Duration;
@@ -150,8 +151,11 @@ fn register(c: &mut Criterion) {
     c.bench_function("glance at a pose, every 8th sample", |t| {
         t.iter(|| likelihood::glance(a, b, black_box(&t_a_b), 8))
     });
-    c.bench_function("wall evidence of a pair at a pose", |t| {
+    c.bench_function("wall evidence of a rigid pair at a pose", |t| {
         t.iter(|| likelihood::pair(a, b, black_box(&t_a_b), 1, p))
+    });
+    c.bench_function("wall evidence of a pair unbent at a pose", |t| {
+        t.iter(|| likelihood::unbent_pair(a, b, black_box(&t_a_b), p))
     });
     let mirrored = b.mirrored(&config);
     c.bench_function("register a pair", |t| {
@@ -170,18 +174,17 @@ fn travel(c: &mut Criterion) {
     for a in 0..n {
         for b in a + 1..n {
             let mirrored = maps[b].mirrored(&config);
-            pairs.push(pair::register(&maps[a], &maps[b], Some(&mirrored), &[], (a, b), &config));
+            let found = pair::register(&maps[a], &maps[b], Some(&mirrored), &[], (a, b), &config);
+            pairs.push(verdict::of_pair(found, 0, [&maps[a], &maps[b]], &config.evidence));
         }
     }
-    let learnt = noise::learn(&config.perception, &pairs, n);
-    noise::reweigh(&mut pairs, &config.perception, &learnt.perception);
     let pairs = PairTable::new(n, pairs);
     // The true world, but for the last map, which is to be weighed.
     let last = n - 1;
     let pose = |k: usize| frame(0).between(&frame(k));
     let mut merged = Overlay::default();
     for k in 0..last {
-        merged = merged.with(&maps, k, pose(k), true, true);
+        merged = merged.with(&maps, k, pose(k), 1.0, true);
     }
     let t_world_map = pose(last);
     let p = &config.perception;
@@ -198,20 +201,19 @@ fn travel(c: &mut Criterion) {
         });
     }
     c.bench_function("fold a map into 4", |b| {
-        b.iter(|| merged.with(&maps, last, black_box(t_world_map), false, true))
+        b.iter(|| merged.with(&maps, last, black_box(t_world_map), 1.0, false))
     });
     for (name, model) in
         [("walls", PerceptionModel::OrientedWalls), ("psi gamma", PerceptionModel::PsiGamma)]
     {
         let mut config = config.clone();
-        config.perception = learnt.perception.clone();
         config.perception.model = model;
         let robot = VirtualRobot {
             maps: &maps,
             pairs: &pairs,
             open: vec![true; n],
             order: None,
-            surcharge: 0.0,
+            rung: 0,
             parts: None,
             config: &config,
         };

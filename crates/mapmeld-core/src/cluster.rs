@@ -5,7 +5,7 @@
 
 use crate::config::Config;
 use crate::error::Result;
-use crate::evidence::World;
+use crate::evidence::{self, World};
 use crate::filter::Step;
 use crate::fuse;
 use crate::grid::OccupancyGrid;
@@ -33,25 +33,43 @@ pub struct Cluster {
     pub covariances: Vec<Matrix3<f64>>,
     /// Root mean square of the walls' residuals, metres.
     pub rms: Option<f64>,
-    /// Arrangements that the particles hold, most probable first; the first is this one, unrefined.
+    /// Arrangements of the members that the particles hold, most probable first; the first is this one,
+    /// unrefined.
     pub worlds: Vec<World>,
+    /// The arrangements of all that the particles placed, in the frame of this cluster; empty where another
+    /// cluster's tell of these maps.
+    pub stories: Vec<World>,
+    /// Whether it was split off for lying elsewhere as well, and how probable its place was.
+    pub elsewhere: Option<f64>,
     /// The filter's steps.
     pub steps: Vec<Step>,
 }
 
 impl Cluster {
-    /// Refines the most probable world.
-    pub fn new(maps: &[LocalMap], worlds: Vec<World>, steps: Vec<Step>, config: &Config) -> Self {
-        let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
-        let refined = refine::refine(maps, &members, &poses, 0, config);
-        Self {
-            members,
-            poses: refined.poses,
-            covariances: refined.covariances,
-            rms: refined.rms,
-            worlds,
-            steps,
-        }
+    /// The clusters that one travel leaves behind: the maps whose place is sure, and those whose place is
+    /// not, each with the maps that lie sure in relation to it. Each is refined.
+    pub fn of_travel(
+        maps: &[LocalMap],
+        stories: Vec<World>,
+        steps: Vec<Step>,
+        config: &Config,
+    ) -> Vec<Cluster> {
+        let parts = evidence::parts(maps, &stories, config.evidence.min_probability);
+        let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
+            let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
+            let refined = refine::refine(maps, &members, &poses, 0, config);
+            Cluster {
+                members,
+                poses: refined.poses,
+                covariances: refined.covariances,
+                rms: refined.rms,
+                worlds,
+                stories: if k == 0 { stories.clone() } else { Vec::new() },
+                elsewhere: (k > 0).then_some(share),
+                steps: if k == 0 { steps.clone() } else { Vec::new() },
+            }
+        });
+        clusters.collect()
     }
 
     /// The members' grids in their places.
@@ -62,7 +80,7 @@ impl Cluster {
     /// The members as layers, with the wall samples that each adds.
     pub fn overlay(&self, maps: &[LocalMap]) -> Overlay {
         let members = self.members.iter().zip(&self.poses);
-        members.fold(Overlay::default(), |below, (m, t)| below.with(maps, *m, *t, false, true))
+        members.fold(Overlay::default(), |below, (m, t)| below.with(maps, *m, *t, 1.0, false))
     }
 
     /// The cluster as a map of its own.
@@ -91,25 +109,33 @@ impl Cluster {
         found.into_iter().map(|(_, t)| t).collect()
     }
 
-    /// Clusters joined as a travel among them found: `worlds` place clusters, by their index.
+    /// Clusters joined as a travel among them found: `worlds` place clusters, by their index. One that was
+    /// left alone stays what it is.
     pub fn join(
         maps: &[LocalMap],
         clusters: &[Cluster],
         worlds: &[World],
         steps: Vec<Step>,
         config: &Config,
-    ) -> Self {
+    ) -> Vec<Cluster> {
+        if let [World { poses, .. }] = worlds {
+            if let [(only, _)] = poses[..] {
+                return vec![clusters[only].clone()];
+            }
+        }
         let mut joined: Vec<World> = Vec::new();
         for (i, w) in worlds.iter().enumerate() {
-            let mut of_world = vec![World { poses: Vec::new(), probability: w.probability }];
-            for (k, t) in &w.poses {
+            let mut of_world = vec![World { probability: w.probability, ..World::default() }];
+            for ((k, t), certainty) in w.poses.iter().zip(&w.certainties) {
                 // Around the first arrangement the refined poses are the better start.
                 let mut inner = clusters[*k].worlds.clone();
                 inner[0].poses =
                     clusters[*k].members.iter().copied().zip(clusters[*k].poses.clone()).collect();
                 let inner = if i == 0 { &inner[..] } else { &inner[..1] };
-                of_world =
-                    of_world.iter().flat_map(|a| inner.iter().map(|b| a.with(b, t))).collect();
+                of_world = of_world
+                    .iter()
+                    .flat_map(|a| inner.iter().map(|b| a.with(b, t, *certainty)))
+                    .collect();
                 of_world.sort_by(|a, b| b.probability.total_cmp(&a.probability));
                 of_world.truncate(MAX_WORLDS);
             }
@@ -121,6 +147,6 @@ impl Cluster {
         let mut all_steps: Vec<Step> =
             worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
         all_steps.extend(steps);
-        Self::new(maps, joined, all_steps, config)
+        Self::of_travel(maps, joined, all_steps, config)
     }
 }

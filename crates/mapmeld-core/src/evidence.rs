@@ -1,7 +1,6 @@
 //! From particles to verdicts: the worlds that they hold, their probabilities, the standing of each map.
 
 use crate::cluster::Cluster;
-use crate::config::Config;
 use crate::filter::Particle;
 use crate::local_map::LocalMap;
 use crate::perception::Overlay;
@@ -15,7 +14,7 @@ use nalgebra::Matrix3;
 pub enum Status {
     /// Placed with others.
     Merged,
-    /// Placed with others, while other placements are nearly as probable.
+    /// It belongs to others for sure, but not where: placed in a component of its own.
     Ambiguous,
     /// No other map shares enough walls with it: a component of its own.
     NoEvidence,
@@ -36,27 +35,53 @@ impl Status {
 }
 
 /// One arrangement of a component's maps, and how probable the particles make it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct World {
     /// Maps and `T_component_map` in merge order, the reference first.
     pub poses: Vec<(usize, Se2)>,
+    /// Probability of each pose, given those before it; one for the reference.
+    pub certainties: Vec<f64>,
     /// Share of the particles' weight.
     pub probability: f64,
 }
 
 impl World {
-    /// This world with another one placed in it.
-    pub fn with(&self, other: &World, t_world_other: &Se2) -> World {
-        let mut poses = self.poses.clone();
-        poses.extend(other.poses.iter().map(|(m, t)| (*m, t_world_other.compose(t))));
-        World { poses, probability: self.probability * other.probability }
+    /// This world with another one placed in it, where it lies with some certainty.
+    pub fn with(&self, other: &World, t_world_other: &Se2, certainty: f64) -> World {
+        let mut world = self.clone();
+        world.poses.extend(other.poses.iter().map(|(m, t)| (*m, t_world_other.compose(t))));
+        world.certainties.push(certainty);
+        world.certainties.extend(other.certainties.iter().skip(1));
+        world.probability *= other.probability;
+        world
+    }
+
+    /// Probability that all of it is right.
+    fn certainty(&self) -> f64 {
+        self.probability * self.certainties.iter().product::<f64>()
+    }
+
+    fn pose(&self, map: usize) -> Option<Se2> {
+        self.poses.iter().find(|(m, _)| *m == map).map(|(_, x)| *x)
+    }
+
+    /// Some of the maps, the first of which must be there, in its frame.
+    fn restricted(&self, members: &[usize]) -> Option<World> {
+        let t_lead_world = self.pose(members[0])?.inverse();
+        let kept = self.poses.iter().zip(&self.certainties);
+        let (poses, mut certainties): (Vec<_>, Vec<f64>) = kept
+            .filter(|((m, _), _)| members.contains(m))
+            .map(|((m, x), c)| ((*m, t_lead_world.compose(x)), *c))
+            .unzip();
+        certainties[0] = 1.0;
+        Some(World { poses, certainties, probability: self.probability })
     }
 }
 
 /// One arrangement of all maps.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
-    /// Probability, given that one of the hypotheses is true.
+    /// Probability that all of it is right.
     pub probability: f64,
     /// Component and `T_component_map` of the maps that it places.
     pub maps: Vec<(usize, usize, Se2)>,
@@ -76,10 +101,12 @@ pub fn worlds(maps: &[LocalMap], particles: &[Particle<Overlay>]) -> Vec<World> 
         let mut poses: Vec<(usize, Se2)> =
             p.state.layers().map(|l| (l.map, l.t_world_map)).collect();
         poses.reverse();
+        let mut certainties: Vec<f64> = p.state.layers().map(|l| l.probability).collect();
+        certainties.reverse();
         let weight = p.log_weight.0.exp();
         match found.iter_mut().find(|w| is_same_world(maps, &w.poses, &poses)) {
             Some(w) => w.probability += weight,
-            None => found.push(World { poses, probability: weight }),
+            None => found.push(World { poses, certainties, probability: weight }),
         }
     }
     found.sort_by(|a, b| b.probability.total_cmp(&a.probability));
@@ -94,8 +121,49 @@ fn is_same_world(maps: &[LocalMap], a: &[(usize, Se2)], b: &[(usize, Se2)]) -> b
         })
 }
 
+/// Parts of the first world that lie sure in themselves: maps whose place relative to the part's first map the
+/// worlds agree on. The first part holds the reference. Each with its worlds and the share of probability that
+/// its first map's place had.
+pub fn parts(maps: &[LocalMap], worlds: &[World], least: f64) -> Vec<(Vec<World>, f64)> {
+    let first = &worlds[0];
+    // Share of the worlds that put a map where the first does, as seen from another map.
+    let agreement = |lead: usize, map: usize| -> f64 {
+        let center = maps[map].center.unwrap_or_default();
+        let seen = |w: &World| Some(w.pose(lead)?.between(&w.pose(map)?));
+        let here = seen(first).expect("the first world places both");
+        let (distance, angle) = SAME_WORLD;
+        let elsewhere = worlds
+            .iter()
+            .filter(|w| seen(w).is_some_and(|x| !x.is_close_at(&here, center, distance, angle)));
+        1.0 - elsewhere.map(|w| w.probability).sum::<f64>()
+    };
+    let mut groups: Vec<(Vec<usize>, f64)> = Vec::new();
+    for ((map, _), certainty) in first.poses.iter().zip(&first.certainties) {
+        let sure = |g: &(Vec<usize>, f64)| certainty.min(agreement(g.0[0], *map)) >= least;
+        match groups.iter().position(sure) {
+            Some(k) => groups[k].0.push(*map),
+            None => {
+                let reference = groups.first().map(|g| g.0[0]);
+                groups
+                    .push((vec![*map], reference.map_or(1.0, |r| agreement(r, *map) * certainty)));
+            }
+        }
+    }
+    let of_group = |(members, share): (Vec<usize>, f64)| {
+        let mut own: Vec<World> = Vec::new();
+        for w in worlds.iter().filter_map(|w| w.restricted(&members)) {
+            match own.iter_mut().find(|o| is_same_world(maps, &o.poses, &w.poses)) {
+                Some(o) => o.probability += w.probability,
+                None => own.push(w),
+            }
+        }
+        (own, share)
+    };
+    groups.into_iter().map(of_group).collect()
+}
+
 /// Standing of every map from the clusters, which are the components of the result.
-pub fn placements(maps: &[LocalMap], clusters: &[Cluster], config: &Config) -> Vec<Placement> {
+pub fn placements(maps: &[LocalMap], clusters: &[Cluster]) -> Vec<Placement> {
     let blank = Placement {
         component: None,
         t_component_map: None,
@@ -105,54 +173,50 @@ pub fn placements(maps: &[LocalMap], clusters: &[Cluster], config: &Config) -> V
     };
     let mut out = vec![blank; maps.len()];
     for (component, c) in clusters.iter().enumerate() {
-        for (i, (m, x)) in c.worlds[0].poses.iter().enumerate() {
+        let first = &c.worlds[0];
+        for (i, ((m, x), certainty)) in first.poses.iter().zip(&first.certainties).enumerate() {
             let center = maps[*m].center.unwrap_or_default();
             // Worlds that leave the map where it is, or leave it out, do not contradict its place.
-            let elsewhere: f64 = c.worlds[1..]
-                .iter()
-                .filter(|w| {
-                    w.poses.iter().any(|(k, y)| {
-                        k == m && !x.is_close_at(y, center, SAME_WORLD.0, SAME_WORLD.1)
-                    })
-                })
-                .map(|w| w.probability)
-                .sum();
-            let status = if c.members.len() == 1 {
-                Status::NoEvidence
-            } else if elsewhere > config.evidence.ambiguous_above {
-                Status::Ambiguous
-            } else {
-                Status::Merged
+            let (distance, angle) = SAME_WORLD;
+            let elsewhere = c.worlds[1..].iter().filter(|w| {
+                w.pose(*m).is_some_and(|y| !x.is_close_at(&y, center, distance, angle))
+            });
+            let elsewhere: f64 = elsewhere.map(|w| w.probability).sum();
+            let (status, probability) = match c.elsewhere {
+                Some(share) => (Status::Ambiguous, share),
+                None if c.members.len() == 1 => (Status::NoEvidence, 1.0),
+                None => (Status::Merged, (1.0 - elsewhere).min(1.0) * certainty),
             };
             out[*m] = Placement {
                 component: Some(component),
                 t_component_map: Some(c.poses[i]),
                 covariance: c.covariances[i],
                 status,
-                probability: 1.0 - elsewhere,
+                probability,
             };
         }
     }
     out
 }
 
-/// Whole arrangements: one world from each component, most probable first.
+/// Whole arrangements: one world from each component, most probable first. What their probabilities lack to one
+/// is that of none of them being right.
 pub fn hypotheses(clusters: &[Cluster]) -> Vec<Hypothesis> {
     let mut out = vec![Hypothesis { probability: 1.0, maps: Vec::new() }];
     for (component, c) in clusters.iter().enumerate() {
+        if c.stories.is_empty() {
+            continue;
+        }
         let mut next: Vec<Hypothesis> = Vec::new();
         for h in &out {
-            for w in c.worlds.iter().take(MAX_HYPOTHESES) {
+            for w in c.stories.iter().take(MAX_HYPOTHESES) {
                 let mut maps = h.maps.clone();
                 maps.extend(w.poses.iter().map(|(m, t)| (*m, component, *t)));
-                next.push(Hypothesis { probability: h.probability * w.probability, maps });
+                next.push(Hypothesis { probability: h.probability * w.certainty(), maps });
             }
         }
         next.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         next.truncate(MAX_HYPOTHESES);
-        // Probabilities are given that one of those told is true.
-        let told: f64 = next.iter().map(|h| h.probability).sum();
-        next.iter_mut().for_each(|h| h.probability /= told);
         out = next;
     }
     out

@@ -42,6 +42,7 @@ pub mod registration;
 pub mod result;
 pub mod se2;
 pub mod structure;
+pub mod verdict;
 pub mod virtual_robot;
 
 pub use config::Config;

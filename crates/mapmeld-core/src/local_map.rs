@@ -5,6 +5,7 @@ use crate::config::Config;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::likelihood_field::{FieldView, LikelihoodField};
+use crate::registration::correlation::CoarseTable;
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
 use std::collections::HashMap;
@@ -21,6 +22,19 @@ pub struct WallSample {
     pub weight: f64,
     /// The same when it contradicts: every metre of wall in free space needs an excuse of its own.
     pub conflict_weight: f64,
+    /// Whether it lies amid a long straight wall, where nothing tells one place from the next.
+    pub straight: bool,
+}
+
+/// Wall samples that lie close together.
+#[derive(Debug, Clone)]
+pub struct Patch {
+    /// Indices of the samples.
+    pub samples: Vec<u32>,
+    /// Their mean position, metres.
+    pub center: Vec2,
+    /// The patches that it holds on to, with the distance between the centres, metres; at least one.
+    pub neighbours: Vec<(u32, f64)>,
 }
 
 /// Cells of one class, thinned evenly to a largest number.
@@ -45,6 +59,12 @@ pub struct LocalMap {
     pub corners: Vec<Corner>,
     /// Wall points at a regular spacing, with the evidence each carries.
     pub samples: Vec<WallSample>,
+    /// The wall samples in patches of a few metres.
+    pub patches: Vec<Patch>,
+    /// Length of all walls, every side counted, metres.
+    pub wall_length: f64,
+    /// Share of it that lies on long straight walls, in [0, 1].
+    pub straight_share: f64,
     /// Distance between neighbouring wall samples, metres.
     pub spacing: f64,
     /// Mean of the known cells' centres; none for a blank map.
@@ -59,12 +79,30 @@ pub struct LocalMap {
     pub occupied: ClassCells,
     /// The same, of the free cells.
     pub free: ClassCells,
+    /// Open floor: thinned cells that lie clear of every wall and of the unknown.
+    pub floor: ClassCells,
     /// How much of a full conflict a wall is, by the squared depth in free space at which it lies.
     pub conflict_shares: Box<[f64; 256]>,
+    /// Scores for exhaustive correlation.
+    pub coarse: CoarseTable,
     field: LikelihoodField,
     reach_cells: usize,
 }
 
+/// Length from which a wall counts as a long straight one, metres.
+const STRAIGHT: f64 = 1.0;
+/// How close to its end a wall tells one place from the next, metres.
+const NEAR_END: f64 = 0.3;
+/// How far open floor lies from the nearest wall or unknown cell, metres.
+const CLEAR: f64 = 0.2;
+/// Most points that stand for a map's open floor.
+const MAX_FLOOR: usize = 400;
+/// Fewest wall samples of a patch, where there are as many.
+const PATCH_SAMPLES: usize = 40;
+/// Extent below which a patch is not split, metres.
+const PATCH_SIZE: f64 = 4.0;
+/// Patches that each patch holds on to.
+const NEIGHBOURS: usize = 4;
 /// Largest number of boundary points that the likelihood field can index.
 const MAX_BOUNDARY: usize = 65_000;
 
@@ -80,6 +118,8 @@ impl LocalMap {
         let mut corners = corners::find(&grid, &lines, &config.structure);
         corners.truncate(config.registration.max_corners);
         let samples = sample_walls(&grid, &boundary, &lines, config);
+        let wall_length = boundary.len() as f64 * grid.resolution();
+        let long = lines.iter().map(Line::length).filter(|l| *l >= STRAIGHT).sum::<f64>();
         // Lines and samples know every point; the field of a very large map looks up fewer.
         if boundary.len() > MAX_BOUNDARY {
             let step = boundary.len().div_ceil(MAX_BOUNDARY);
@@ -92,19 +132,25 @@ impl LocalMap {
         let reach_cells =
             ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, 15);
         let field = LikelihoodField::new(&grid, &boundary, reach_cells);
+        let depth = DistanceTable::to_other_than(&grid, Class::Free);
         let max_cells = config.perception.max_cells;
         Self {
+            wall_length,
+            straight_share: (long / wall_length.max(1e-9)).min(1.0),
             spacing: config.perception.sample_spacing.max(grid.resolution()),
             center: grid.known_center(),
             to_occupied: DistanceTable::to_class(&grid, Class::Occupied),
             to_free: DistanceTable::to_class(&grid, Class::Free),
-            depth: DistanceTable::to_other_than(&grid, Class::Free),
+            coarse: CoarseTable::new(&grid, &boundary, &field, &depth),
+            floor: open_floor(&grid, &depth),
+            depth,
             occupied: class_cells(&grid, Class::Occupied, max_cells),
             free: class_cells(&grid, Class::Free, max_cells),
             conflict_shares: Box::new(conflict_shares(grid.resolution(), config)),
             boundary,
             lines,
             corners,
+            patches: patches(&samples),
             samples,
             field,
             reach_cells,
@@ -164,6 +210,52 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
     ClassCells { centers, scale }
 }
 
+/// Splits wall samples across their longer extent until patches are small.
+fn patches(samples: &[WallSample]) -> Vec<Patch> {
+    let mut done = Vec::new();
+    let mut todo: Vec<Vec<u32>> = vec![(0..samples.len() as u32).collect()];
+    while let Some(mut some) = todo.pop() {
+        let Some(first) = some.first() else { continue };
+        let at = |k: &u32| samples[*k as usize].position;
+        let first = at(first);
+        let (low, high) =
+            some.iter().fold((first, first), |(l, h), k| (l.inf(&at(k)), h.sup(&at(k))));
+        let span = high - low;
+        if some.len() < 2 * PATCH_SAMPLES || span.max() < PATCH_SIZE {
+            let sum = some.iter().map(at).fold(Vec2::zeros(), |a, b| a + b);
+            let center = sum / some.len() as f64;
+            done.push(Patch { center, samples: some, neighbours: Vec::new() });
+            continue;
+        }
+        let axis = usize::from(span.y > span.x);
+        some.sort_by(|x, y| at(x)[axis].total_cmp(&at(y)[axis]).then(x.cmp(y)));
+        let half = some.split_off(some.len() / 2);
+        todo.extend([some, half]);
+    }
+    let centers: Vec<Vec2> = done.iter().map(|p: &Patch| p.center).collect();
+    for (k, patch) in done.iter_mut().enumerate() {
+        let far = |q: usize| (centers[q] - centers[k]).norm();
+        let mut others: Vec<usize> = (0..centers.len()).filter(|q| *q != k).collect();
+        others.sort_by(|x, y| far(*x).total_cmp(&far(*y)).then(x.cmp(y)));
+        others.truncate(NEIGHBOURS);
+        patch.neighbours = others.into_iter().map(|q| (q as u32, far(q).max(1.0))).collect();
+    }
+    done
+}
+
+/// The free cells that lie at least [`CLEAR`] deep in free space, thinned to [`MAX_FLOOR`].
+fn open_floor(grid: &OccupancyGrid, depth: &DistanceTable) -> ClassCells {
+    let clear = (CLEAR / grid.resolution()).max(2.0).powi(2).min(250.0) as u8;
+    let open: Vec<usize> = (0..grid.cells().len()).filter(|i| depth.squared(*i) >= clear).collect();
+    let kept = open.len().min(MAX_FLOOR);
+    let of = |k: usize| open[k * open.len() / kept];
+    let (w, cell) = (grid.width(), grid.resolution().powi(2));
+    ClassCells {
+        centers: (0..kept).map(|k| grid.cell_center(of(k) / w, of(k) % w)).collect(),
+        scale: if kept == 0 { 0.0 } else { open.len() as f64 / kept as f64 * cell },
+    }
+}
+
 /// No conflict up to a depth, a full one from a greater depth on, in proportion between.
 fn conflict_shares(resolution: f64, config: &Config) -> [f64; 256] {
     let p = &config.perception;
@@ -220,11 +312,16 @@ fn sample_walls(
                 }
                 None => spacing / p.correlation_length,
             };
+            let straight = lines.get(line_of[*k]).is_some_and(|l| {
+                let end = (b.position - l.start).norm().min((b.position - l.end).norm());
+                l.length() >= STRAIGHT && end >= NEAR_END
+            });
             WallSample {
                 position: b.position,
                 normal: b.normal,
                 weight,
                 conflict_weight: spacing / p.correlation_length,
+                straight,
             }
         })
         .collect()

@@ -10,9 +10,10 @@ use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::noise;
-use crate::registration::{pair, PairModes};
+use crate::registration::{pair, Registered};
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
+use crate::verdict;
 use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
 use std::time::Instant;
 
@@ -41,14 +42,13 @@ fn run(
     let maps = observed(&grids, Stage::Prepare, observer, |g| LocalMap::new(g.clone(), config))?;
     clock.lap("prepare");
 
-    // Section 3: the possible motions u_t of every pair, once for all particles. What a contradiction
-    // weighs is learnt from the pairs that fit best.
-    let mut found = register_all(&maps, |_, _| Vec::new(), config, observer)?;
-    let learnt = noise::learn(&config.perception, &found, maps.len());
-    noise::reweigh(&mut found, &config.perception, &learnt.perception);
-    let pairs = PairTable::new(maps.len(), found);
-    let surcharge = config.perception.conflict - learnt.perception.conflict;
-    let config = &Config { perception: learnt.perception.clone(), ..config.clone() };
+    // Section 3: the possible motions u_t of every pair, once for all particles. How bent the maps are is
+    // learnt from the pairs that fit best.
+    let found = register_all(&maps, |_, _| Vec::new(), config, observer)?;
+    let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
+    let pairs = judged(found, rung, &maps, config);
+    let perception = config.perception.rungs().swap_remove(rung);
+    let config = &Config { perception, ..config.clone() };
     clock.lap("register");
 
     // Sections 2 and 4: the virtual robot travels through each component.
@@ -58,22 +58,18 @@ fn run(
         open: maps.iter().map(|m| !m.is_blank()).collect(),
         order: known.order.as_deref(),
         config,
-        surcharge,
+        rung,
         parts: None,
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
-        .map(|(worlds, steps)| Cluster::new(&maps, worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::of_travel(&maps, worlds, steps, config))
         .collect();
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    // Only clean maps allow it: what contradicts little tells little.
-    if learnt.is_clean {
-        while let Some(joined) = join(&maps, &pairs, &clusters, known, config, surcharge, observer)?
-        {
-            clusters = joined;
-        }
+    while let Some(joined) = join(&maps, &pairs, &clusters, (known, rung), config, observer)? {
+        clusters = joined;
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
     clock.lap("join");
@@ -89,7 +85,7 @@ fn run(
             fused: fuse::fuse("merged", &c.placed(&maps), &config.fuse)?,
         });
     }
-    let placements = evidence::placements(&maps, &clusters, config);
+    let placements = evidence::placements(&maps, &clusters);
     let hypotheses = evidence::hypotheses(&clusters);
     clock.lap("fuse");
     Ok(Merge { placements, components, hypotheses, pairs: pairs.into_pairs(), seconds: clock.laps })
@@ -101,13 +97,22 @@ fn register_all(
     hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
     config: &Config,
     observer: Observer,
-) -> Result<Vec<PairModes>> {
+) -> Result<Vec<Registered>> {
     let n = maps.len();
     let mirrored = observed(maps, Stage::Register, observer, |m| m.mirrored(config))?;
     let todo: Vec<(usize, usize)> = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
     observed(&todo, Stage::Register, observer, |(a, b)| {
         pair::register(&maps[*a], &maps[*b], Some(&mirrored[*b]), &hints(*a, *b), (*a, *b), config)
     })
+}
+
+/// The verdicts on all pairs.
+fn judged(found: Vec<Registered>, rung: usize, maps: &[LocalMap], config: &Config) -> PairTable {
+    let judge = |f: Registered| {
+        let two = [&maps[f.a], &maps[f.b]];
+        verdict::of_pair(f, rung, two, &config.evidence)
+    };
+    PairTable::new(maps.len(), found.into_iter().map(judge).collect())
 }
 
 /// Lets the virtual robot travel from a reference as far as the evidence carries, then from another
@@ -145,9 +150,8 @@ fn join(
     maps: &[LocalMap],
     pairs: &PairTable,
     clusters: &[Cluster],
-    known: &Known,
+    (known, rung): (&Known, usize),
     config: &Config,
-    surcharge: f64,
     observer: Observer,
 ) -> Result<Option<Vec<Cluster>>> {
     // Single maps alone tell nothing that their pairs have not told.
@@ -158,7 +162,8 @@ fn join(
         .into_iter()
         .collect::<Result<Vec<_>>>()?;
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
-    let pairs = PairTable::new(merged.len(), register_all(&merged, hints, config, observer)?);
+    let found = register_all(&merged, hints, config, observer)?;
+    let pairs = judged(found, 0, &merged, config);
     let first = known.reference.or_else(|| known.order.as_ref()?.first().copied());
     let reference = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
     let known = Known { order: None, reference };
@@ -169,18 +174,19 @@ fn join(
         open: vec![true; merged.len()],
         order: None,
         config,
-        surcharge,
+        rung,
         parts: Some(Parts { maps, overlays: &overlays }),
     };
     let travelled = travel(robot, &known, observer)?;
     if travelled.len() == clusters.len() {
         return Ok(None);
     }
-    let joined = travelled
+    let joined: Vec<Cluster> = travelled
         .into_iter()
-        .map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, config))
         .collect();
-    Ok(Some(joined))
+    // What is split off again has not joined.
+    Ok((joined.len() < clusters.len()).then_some(joined))
 }
 
 /// The reference of the next component: the one that is named, the first of the known order, or the

@@ -97,10 +97,11 @@ fn overlapping(
 ) -> Vec<(usize, usize)> {
     let all: Vec<(usize, usize)> =
         (0..members.len()).flat_map(|i| (i + 1..members.len()).map(move |j| (i, j))).collect();
+    let perception = config.perception.rigid();
     let keep = parallel::map(&all, |(i, j)| {
         let (a, b) = (&maps[members[*i]], &maps[members[*j]]);
         let stride = (b.samples.len() / 250).max(1);
-        let e = likelihood::pair(a, b, &poses[*i].between(&poses[*j]), stride, &config.perception);
+        let e = likelihood::pair(a, b, &poses[*i].between(&poses[*j]), stride, &perception);
         e.log_likelihood > 0.0 && e.hits >= 2.0
     });
     all.into_iter().zip(keep).filter(|(_, k)| *k).map(|(e, _)| e).collect()

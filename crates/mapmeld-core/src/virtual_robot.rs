@@ -9,9 +9,10 @@ use crate::filter::{LogWeight, Model, Stream};
 use crate::local_map::LocalMap;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
-use crate::registration::pair::{inverse, log_gaussian_mass, log_search_volume};
+use crate::registration::pair::inverse;
 use crate::registration::{climb, PairModes, SAME_WORLD};
 use crate::se2::Se2;
+use crate::verdict::{self, Background};
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -43,7 +44,7 @@ impl PairTable {
     pub fn modes(&self, a: usize, b: usize) -> Vec<(Se2, Matrix3<f64>, f64)> {
         let (lo, hi) = (a.min(b), a.max(b));
         let Some(k) = self.at[lo * self.n + hi] else { return Vec::new() };
-        let modes = self.pairs[k as usize].modes.iter();
+        let modes = self.pairs[k as usize].found.modes.iter();
         modes
             .map(|m| {
                 let (t, covariance) = if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
@@ -52,17 +53,17 @@ impl PairTable {
             .collect()
     }
 
-    /// See [`PairModes::noise_floor`]; zero for a pair that was not registered.
-    pub fn noise_floor(&self, maps: &[LocalMap], a: usize, b: usize) -> f64 {
-        let (lo, hi) = (a.min(b), a.max(b));
-        let pair = self.at[lo * self.n + hi].map(|k| &self.pairs[k as usize]);
-        pair.map_or(0.0, |p| p.noise_floor(maps[hi].center.unwrap_or_default()))
+    /// The best log-likelihood that the mirror image of one of the maps reaches on the other; zero where
+    /// none was tried.
+    pub fn decoy(&self, a: usize, b: usize) -> f64 {
+        let k = self.at[a.min(b) * self.n + a.max(b)];
+        k.map_or(0.0, |k| self.pairs[k as usize].found.decoy())
     }
 
     /// Log-likelihood of the best mode of a pair; none without a mode.
     pub fn best(&self, a: usize, b: usize) -> Option<f64> {
         let k = self.at[a.min(b) * self.n + a.max(b)]?;
-        self.pairs[k as usize].modes.first().map(|m| m.evidence.log_likelihood)
+        self.pairs[k as usize].found.modes.first().map(|m| m.evidence.log_likelihood)
     }
 }
 
@@ -77,8 +78,8 @@ pub struct NextPose {
     pub covariance: Matrix3<f64>,
     /// What the walls say of the map against all merged so far.
     pub evidence: WallEvidence,
-    /// Log of the likelihood ratio's mass, over the search volume.
-    pub log_odds: f64,
+    /// Probability that the pose is right, given what is merged so far.
+    pub probability: f64,
     psi: f64,
     gamma: f64,
 }
@@ -93,10 +94,10 @@ pub struct VirtualRobot<'a> {
     pub open: Vec<bool>,
     /// The merge order, when it is known.
     pub order: Option<&'a [usize]>,
-    /// Options, with the perception model fitted to the maps.
+    /// Options, with the perception model that fits the maps.
     pub config: &'a Config,
-    /// What the fitted model charges for a conflict beyond the configured one, nats, not negative.
-    pub surcharge: f64,
+    /// Which degree of bending that is, 0 the finest.
+    pub rung: usize,
     /// What the maps are merged of, when they are merged maps themselves.
     pub parts: Option<Parts<'a>>,
 }
@@ -112,12 +113,12 @@ pub struct Parts<'a> {
 impl VirtualRobot<'_> {
     /// The state at the start: the reference map at the world's origin.
     pub fn start(&self, reference: usize) -> Overlay {
-        self.fold(&Overlay::default(), reference, Se2::IDENTITY)
+        self.fold(&Overlay::default(), reference, Se2::IDENTITY, 1.0)
     }
 
-    fn fold(&self, merged: &Overlay, map: usize, t_world_map: Se2) -> Overlay {
+    fn fold(&self, merged: &Overlay, map: usize, t_world_map: Se2, probability: f64) -> Overlay {
         let cells = self.config.perception.model == PerceptionModel::PsiGamma;
-        merged.with(self.maps, map, t_world_map, cells, true)
+        merged.with(self.maps, map, t_world_map, probability, cells)
     }
 
     /// Motion model (paper, section 3): where the placed maps say that `map` lies. Modes of several
@@ -150,27 +151,6 @@ impl VirtualRobot<'_> {
         kept
     }
 
-    /// Whether the walls carry a merge: what is left of the likelihood ratio when what chance reaches
-    /// with these maps is taken off and contradictions are paid for.
-    fn is_carried(&self, merged: &Overlay, map: usize, e: &WallEvidence) -> bool {
-        let c = &self.config.evidence;
-        let floor = merged
-            .layers()
-            .map(|l| self.pairs.noise_floor(self.maps, l.map, map))
-            .fold(0.0, f64::max);
-        let beyond_noise = e.log_likelihood - c.noise_share * floor;
-        if e.miss_share() > c.max_miss_share {
-            return false;
-        }
-        // Merged maps join only where the maps are clean: the fitted model charges conflicts in full.
-        if self.parts.is_some() {
-            return beyond_noise >= c.min_evidence_joined;
-        }
-        // What the fitted model has charged already is not charged again.
-        let due = (c.conflict_cost * e.conflict_share() - self.surcharge * e.conflicts).max(0.0);
-        beyond_noise - due >= c.min_evidence
-    }
-
     /// What the walls say of a map against the merged map. The walls of merged maps are those of the
     /// maps they are merged of, which no raster has blurred: the pose is led to their maximum first.
     fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
@@ -186,21 +166,54 @@ impl VirtualRobot<'_> {
         (x, likelihood::between(&placed, &of(map, &x), p))
     }
 
-    /// Perception model (paper, section 4) of one pose; none when the evidence does not carry a merge.
+    /// Perception model (paper, section 4) of the poses at which a map may lie; none when the evidence does
+    /// not carry a merge.
     fn perceive(
         &self,
         merged: &Overlay,
         map: usize,
-        (_, x, covariance): (f64, Se2, Matrix3<f64>),
-    ) -> Option<NextPose> {
-        let p = &self.config.perception;
-        let (x, evidence) = self.look(merged, map, x);
-        let anchor = merged.layers().last().expect("a merged map holds its reference").map;
-        let log_volume = log_search_volume(&self.maps[anchor], &self.maps[map]);
-        let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;
-        if !self.is_carried(merged, map, &evidence) {
-            return None;
+        motions: Vec<(f64, Se2, Matrix3<f64>)>,
+    ) -> Vec<NextPose> {
+        let center = self.maps[map].center.unwrap_or_default();
+        let mut seen: Vec<(Se2, Matrix3<f64>, WallEvidence)> = Vec::new();
+        for (_, x, covariance) in motions {
+            let (x, evidence) = self.look(merged, map, x);
+            // Motions that led to the same place are one.
+            let (distance, angle) = SAME_WORLD;
+            if !seen.iter().any(|(y, ..)| x.is_close_at(y, center, distance, angle)) {
+                seen.push((x, covariance, evidence));
+            }
         }
+        seen.sort_by(|a, b| b.2.log_likelihood.total_cmp(&a.2.log_likelihood));
+        let decoy = merged.layers().map(|l| self.pairs.decoy(l.map, map)).fold(0.0, f64::max);
+        let involved = merged.layers().map(|l| l.map).chain([map]).map(|m| &self.maps[m]);
+        let background = Background::new(involved, self.rung, decoy);
+        let c = &self.config.evidence;
+        let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();
+        let verdict = verdict::weigh(&poses, &background, c);
+        // Somewhere it must lie for sure before it is asked where.
+        if !verdict.is_carried {
+            return Vec::new();
+        }
+        let followed = seen.into_iter().zip(verdict.probabilities);
+        followed
+            .filter(|(_, probability)| *probability >= c.least_followed)
+            .map(|((x, covariance, e), probability)| {
+                self.pose(merged, map, x, covariance, e, probability)
+            })
+            .collect()
+    }
+
+    fn pose(
+        &self,
+        merged: &Overlay,
+        map: usize,
+        x: Se2,
+        covariance: Matrix3<f64>,
+        evidence: WallEvidence,
+        probability: f64,
+    ) -> NextPose {
+        let p = &self.config.perception;
         let (psi, gamma) = match p.model {
             PerceptionModel::OrientedWalls => (0.0, 0.0),
             PerceptionModel::PsiGamma => {
@@ -208,8 +221,13 @@ impl VirtualRobot<'_> {
                 (psi::psi(&c, p.classes), gamma::gamma(&c))
             }
         };
-        Some(NextPose { map, t_world_map: x, covariance, evidence, log_odds, psi, gamma })
+        NextPose { map, t_world_map: x, covariance, evidence, probability, psi, gamma }
     }
+}
+
+fn log_odds(probability: f64) -> f64 {
+    let p = probability.clamp(1e-12, 1.0 - 1e-12);
+    (p / (1.0 - p)).ln()
 }
 
 impl Model for VirtualRobot<'_> {
@@ -220,7 +238,7 @@ impl Model for VirtualRobot<'_> {
         let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
         let is_open = |m: &usize| self.open[*m] && !placed.iter().any(|(i, _)| i == m);
         let of_map = |map: usize, motions: Vec<(f64, Se2, Matrix3<f64>)>| -> Vec<NextPose> {
-            motions.into_iter().filter_map(|m| self.perceive(merged, map, m)).collect()
+            self.perceive(merged, map, motions)
         };
         if let Some(order) = self.order {
             // Known order: the next map that can be placed; those that cannot yet are deferred. Maps
@@ -256,7 +274,7 @@ impl Model for VirtualRobot<'_> {
         match self.config.perception.model {
             PerceptionModel::OrientedWalls => pool
                 .iter()
-                .map(|modes| modes.iter().map(|m| LogWeight(m.log_odds)).collect())
+                .map(|modes| modes.iter().map(|m| LogWeight(log_odds(m.probability))).collect())
                 .collect(),
             PerceptionModel::PsiGamma => {
                 // p(z_t | m_t-1, x_j) proportional to Psi~_j gamma~_j over the pool of all particles.
@@ -275,7 +293,7 @@ impl Model for VirtualRobot<'_> {
 
     fn log_mass_of_staying(&self, masses: &[Vec<LogWeight>]) -> LogWeight {
         match self.config.perception.model {
-            // The null hypothesis: the map is unrelated, the ratio is one.
+            // The null hypothesis, that the map lies elsewhere, is what the odds are taken against.
             PerceptionModel::OrientedWalls => LogWeight::ONE,
             // Relative weights know no null: staying is worth as little as the worst pose.
             PerceptionModel::PsiGamma => masses
@@ -299,10 +317,22 @@ impl Model for VirtualRobot<'_> {
             .try_inverse()
             .and_then(|c| c.cholesky())
             .map_or_else(Matrix3::zeros, |c| c.l());
-        self.fold(merged, mode.map, mode.t_world_map.perturbed(&(spread * noise)))
+        let t_world_map = mode.t_world_map.perturbed(&(spread * noise));
+        self.fold(merged, mode.map, t_world_map, mode.probability)
     }
 
+    /// Particles that tell the same story, in whatever order, differ by the noise of their draws alone. The
+    /// joint refinement settles that; it is not worth weighing every map anew for each of them.
     fn is_same(&self, a: &Overlay, b: &Overlay) -> bool {
         a.is_same(b)
+            || a.layers().count() == b.layers().count()
+                && a.layers().all(|x| {
+                    let center = self.maps[x.map].center.unwrap_or_default();
+                    b.layers().any(|y| {
+                        let (distance, angle) = SAME_WORLD;
+                        x.map == y.map
+                            && x.t_world_map.is_close_at(&y.t_world_map, center, distance, angle)
+                    })
+                })
     }
 }

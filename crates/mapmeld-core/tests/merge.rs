@@ -254,7 +254,7 @@ fn registration_is_symmetrical() {
         let ab = merged(&r.grids, &Known::default()).pairs.remove(0);
         r.grids.reverse();
         let ba = merged(&r.grids, &Known::default()).pairs.remove(0);
-        let (x, y) = (&ab.modes[0], &ba.modes[0]);
+        let (x, y) = (&ab.found.modes[0], &ba.found.modes[0]);
         let (metres, degrees) = apart(&x.t_a_b, &y.t_a_b.inverse(), place);
         assert!(metres < CELL && degrees < 0.5, "{metres:.3} m, {degrees:.2} degrees");
         assert!((x.evidence.log_likelihood / y.evidence.log_likelihood - 1.0).abs() < 0.1);

@@ -94,7 +94,7 @@ impl Scene {
             .collect();
         let poses: Vec<Se2> = (0..=layers).map(|_| placement(rng, 8)).collect();
         let merged =
-            (0..layers).fold(Overlay::default(), |m, k| m.with(&maps, k, poses[k], true, false));
+            (0..layers).fold(Overlay::default(), |m, k| m.with(&maps, k, poses[k], 1.0, true));
         Self { maps, merged, poses }
     }
 
@@ -179,7 +179,7 @@ fn a_map_laid_on_itself_agrees_wholly_and_far_off_not_at_all() {
     let count = map.grid.count(Class::Occupied) as f64;
     let maps = [map.clone(), map];
     for t in [Se2::IDENTITY, placement(&mut rng, 30)] {
-        let merged = Overlay::default().with(&maps, 0, t, true, false);
+        let merged = Overlay::default().with(&maps, 0, t, 1.0, true);
         let at = |x: &Se2| Comparison::new(&maps, &merged, &maps[1], *x, 1.5);
         assert!(close(psi::psi(&at(&t), PsiClasses::Occupied), 2.0 * count));
         let shifted = t.compose(&Se2::new(3.0 * CELL, 0.0, 0.0));

@@ -13,6 +13,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(local_map::default_config, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::effective_config, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::register, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::weigh, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::perceive, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::candidates, m)?)?;
     m.add_function(wrap_pyfunction!(merge::merge, m)?)?;

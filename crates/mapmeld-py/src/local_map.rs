@@ -93,6 +93,12 @@ impl LocalMap {
         Ok(d)
     }
 
+    /// The mirror image: like the map in every statistic, and like no place it was made in.
+    fn mirrored(&self, config: &str) -> PyResult<Self> {
+        let config = convert::config(config)?;
+        Ok(Self { inner: Arc::new(self.inner.mirrored(&config)) })
+    }
+
     /// Number of free, occupied and unknown cells.
     fn class_counts(&self) -> (usize, usize, usize) {
         use core::grid::Class;
@@ -108,9 +114,15 @@ pub fn evidence<'py>(
     let d = PyDict::new(py);
     d.set_item("log_likelihood", e.log_likelihood)?;
     d.set_item("hits", e.hits)?;
+    d.set_item("spread", e.spread)?;
     d.set_item("misses", e.misses)?;
     d.set_item("opposed", e.opposed)?;
     d.set_item("conflicts", e.conflicts)?;
+    d.set_item("straight_conflicts", e.straight_conflicts)?;
+    d.set_item("distinct_hits", e.distinct_hits)?;
+    d.set_item("bending", e.bending)?;
+    d.set_item("shared_floor", e.shared_floor)?;
+    d.set_item("blocked_floor", e.blocked_floor)?;
     d.set_item("shared_length", e.shared_length)?;
     d.set_item("agreement", e.agreement())?;
     d.set_item("second_direction", e.second_direction())?;
@@ -137,9 +149,38 @@ pub fn register<'py>(
     let config = convert::config(config)?;
     let (a, b) = (a.inner.clone(), b.inner.clone());
     let found =
-        py.detach(|| core::registration::pair::register(&a, &b, None, &[], (0, 1), &config));
-    let modes = found.modes.iter().map(|m| mode(py, m)).collect::<PyResult<_>>()?;
+        py.detach(|| [core::registration::pair::register(&a, &b, None, &[], (0, 1), &config)]);
+    let rung = core::perception::noise::how_bent(&found, &[&*a, &*b]);
+    let [found] = found;
+    let modes = found.rungs[rung].modes.iter().map(|m| mode(py, m)).collect::<PyResult<_>>()?;
     Ok((found.candidates, modes))
+}
+
+/// What the verdict on two maps alone is made of: the degree of bending that fits them (`rung`), their modes
+/// at it, and the features of the likeliest one (see `verdict::features`; None without a mode).
+#[pyfunction]
+pub fn weigh<'py>(
+    py: Python<'py>,
+    a: &LocalMap,
+    b: &LocalMap,
+    mirrored_b: &LocalMap,
+    config: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let config = convert::config(config)?;
+    let (a, b, m) = (a.inner.clone(), b.inner.clone(), mirrored_b.inner.clone());
+    let found =
+        py.detach(|| [core::registration::pair::register(&a, &b, Some(&m), &[], (0, 1), &config)]);
+    let rung = core::perception::noise::how_bent(&found, &[&*a, &*b]);
+    let pair = &found[0].rungs[rung];
+    let d = PyDict::new(py);
+    d.set_item("rung", rung)?;
+    d.set_item("modes", pair.modes.iter().map(|m| mode(py, m)).collect::<PyResult<Vec<_>>>()?)?;
+    let background = core::verdict::Background::new([&*a, &*b].into_iter(), rung, pair.decoy());
+    let chance = pair.chance(b.center.unwrap_or_default());
+    let features =
+        |m: &core::registration::Mode| core::verdict::features(&m.evidence, chance, &background);
+    d.set_item("features", pair.modes.first().map(features))?;
+    Ok(d)
 }
 
 /// Both perception models of a pool of poses T_a_b: the paper's Psi and gamma with their normalised
@@ -155,7 +196,7 @@ pub fn perceive<'py>(
     let config = convert::config(config)?;
     let p = &config.perception;
     let maps = std::slice::from_ref(&*a.inner);
-    let merged = Overlay::default().with(maps, 0, Se2::IDENTITY, true, false);
+    let merged = Overlay::default().with(maps, 0, Se2::IDENTITY, 1.0, true);
     let (mut psis, mut gammas, mut walls) = (Vec::new(), Vec::new(), Vec::new());
     for t in poses {
         let t = convert::pose(t);

@@ -128,9 +128,14 @@ fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
         d.set_item("a", p.a)?;
         d.set_item("b", p.b)?;
         d.set_item("candidates", p.candidates)?;
-        let decoy = p.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
+        d.set_item("status", p.status.name())?;
+        d.set_item("probability", p.probability)?;
+        let decoy = p.found.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
         d.set_item("decoy_log_likelihood", decoy)?;
-        d.set_item("modes", p.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?)?;
+        d.set_item(
+            "modes",
+            p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?,
+        )?;
         pairs.append(d)?;
     }
     out.set_item("pairs", pairs)?;

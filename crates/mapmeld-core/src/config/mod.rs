@@ -100,9 +100,20 @@ stage! {
         sample_spacing: f64 = 0.1,
         /// Most wall points of a map that the filter weighs a pose with; more are thinned evenly.
         max_samples: usize = 800,
-        /// Standard deviation of the distance between the same wall in two maps, metres; at least
-        /// one cell.
+        /// Standard deviation of the distance between the same wall in two maps, metres, once they are
+        /// unbent; at least one cell.
         wall_sigma: f64 = 0.07,
+        /// The same before they are unbent, metres: what leads a pose to its maximum.
+        climb_sigma: f64 = 0.07,
+        /// Drift of a map, metres per square root of metre of distance.
+        bend_shift: f64 = 0.06,
+        /// The same of its heading, radians per square root of metre.
+        bend_turn: f64 = 0.02,
+        /// The same four for maps that are bent more and more; the set of maps decides.
+        more_bent: Vec<Bending> = vec![
+            Bending { climb_sigma: 0.15, wall_sigma: 0.1, bend_shift: 0.2, bend_turn: 0.05 },
+            Bending { climb_sigma: 0.25, wall_sigma: 0.13, bend_shift: 0.4, bend_turn: 0.1 },
+        ],
         /// Length of wall that counts as one independent observation, metres.
         correlation_length: f64 = 0.5,
         /// Log-likelihood ratio of an observation whose wall is found where it should be.
@@ -110,13 +121,49 @@ stage! {
         /// The same, of one that has no wall nearby where the other map is known.
         miss: f64 = -0.7,
         /// The same, of one that meets a wall facing the other way.
-        opposed: f64 = -0.2,
+        opposed: f64 = 0.1,
         /// The same, of one inside the other map's clear free space.
         conflict: f64 = -4.0,
+        /// The same, amid a long straight wall: what nobody moves and no clutter hides.
+        straight_conflict: f64 = -9.0,
         /// How deep in free space a wall is a conflict, metres; at least three cells.
         conflict_depth: f64 = 0.2,
         /// How deep it is a full one, metres: bent maps and moved furniture are off by less.
         full_conflict_depth: f64 = 0.5,
+    }
+}
+
+/// How bent and blurred maps may be.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bending {
+    /// In the place of [`PerceptionConfig::climb_sigma`].
+    pub climb_sigma: f64,
+    /// In the place of [`PerceptionConfig::wall_sigma`].
+    pub wall_sigma: f64,
+    /// In the place of [`PerceptionConfig::bend_shift`].
+    pub bend_shift: f64,
+    /// In the place of [`PerceptionConfig::bend_turn`].
+    pub bend_turn: f64,
+}
+
+impl PerceptionConfig {
+    /// The model for maps that are laid on each other as they are.
+    pub fn rigid(&self) -> PerceptionConfig {
+        PerceptionConfig { wall_sigma: self.climb_sigma, ..self.clone() }
+    }
+
+    /// The models that are tried, for maps that are bent less and more; each is complete.
+    pub fn rungs(&self) -> Vec<PerceptionConfig> {
+        let first = PerceptionConfig { more_bent: Vec::new(), ..self.clone() };
+        let further = self.more_bent.iter().map(|b| PerceptionConfig {
+            climb_sigma: b.climb_sigma,
+            wall_sigma: b.wall_sigma,
+            bend_shift: b.bend_shift,
+            bend_turn: b.bend_turn,
+            ..first.clone()
+        });
+        std::iter::once(first.clone()).chain(further.collect::<Vec<_>>()).collect()
     }
 }
 
@@ -137,18 +184,16 @@ stage! {
 stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
-        /// Least evidence of a merge: the log-likelihood ratio, less what follows, nats.
-        min_evidence: f64 = 12.0,
-        /// The same between merged maps: much is seen of both, so chance reaches less.
-        min_evidence_joined: f64 = 7.5,
-        /// What a share of contradicting observations of one would cost, nats.
-        conflict_cost: f64 = 150.0,
-        /// Share of what chance reaches with these maps (mirror image, runner-up) that is taken off.
-        noise_share: f64 = 0.5,
-        /// Largest share of walls that are missing where the other map is known.
-        max_miss_share: f64 = 0.33,
-        /// Worlds less probable than this make a map ambiguous that they place elsewhere.
-        ambiguous_above: f64 = 0.2,
+        /// Least probability of a merge; below it maps stay apart.
+        min_probability: f64 = 0.8,
+        /// The fitted model of the probability: a constant, then the weight of each feature (see
+        /// `verdict::features`).
+        weights: [f64; 12] =
+            [-15.95, 0.251, -0.785, -0.347, -3.315, -1.278, 1.9, 1.233, 1.341, 4.366, -0.881, -1.865],
+        /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
+        temperature: f64 = 6.0,
+        /// Poses less probable than this are not followed.
+        least_followed: f64 = 0.02,
     }
 }
 

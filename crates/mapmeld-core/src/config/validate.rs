@@ -49,12 +49,18 @@ impl Config {
         share("perception.gamma_floor", p.gamma_floor)?;
         positive("perception.sample_spacing", p.sample_spacing)?;
         count("perception.max_samples", p.max_samples)?;
-        positive("perception.wall_sigma", p.wall_sigma)?;
+        for p in p.rungs() {
+            positive("perception.climb_sigma", p.climb_sigma)?;
+            positive("perception.wall_sigma", p.wall_sigma)?;
+            positive("perception.bend_shift", p.bend_shift)?;
+            positive("perception.bend_turn", p.bend_turn)?;
+        }
         positive("perception.correlation_length", p.correlation_length)?;
         positive("perception.hit", p.hit)?;
         cost("perception.miss", p.miss)?;
-        cost("perception.opposed", p.opposed)?;
+        finite("perception.opposed", p.opposed)?;
         cost("perception.conflict", p.conflict)?;
+        cost("perception.straight_conflict", p.straight_conflict)?;
         positive("perception.conflict_depth", p.conflict_depth)?;
         positive("perception.full_conflict_depth", p.full_conflict_depth)?;
         let f = &self.filter;
@@ -62,12 +68,12 @@ impl Config {
         share("filter.resample_below", f.resample_below)?;
         count("filter.candidates_per_map", f.candidates_per_map)?;
         count("filter.maps_per_step", f.maps_per_step)?;
-        finite("evidence.min_evidence", self.evidence.min_evidence)?;
-        finite("evidence.min_evidence_joined", self.evidence.min_evidence_joined)?;
-        finite("evidence.conflict_cost", self.evidence.conflict_cost)?;
-        share("evidence.max_miss_share", self.evidence.max_miss_share)?;
-        share("evidence.noise_share", self.evidence.noise_share)?;
-        share("evidence.ambiguous_above", self.evidence.ambiguous_above)?;
+        share("evidence.min_probability", self.evidence.min_probability)?;
+        share("evidence.least_followed", self.evidence.least_followed)?;
+        positive("evidence.temperature", self.evidence.temperature)?;
+        for w in &self.evidence.weights {
+            finite("evidence.weights", *w)?;
+        }
         count("refine.max_iterations", self.refine.max_iterations)?;
         optional("refine.kernel", self.refine.kernel)?;
         optional("fuse.resolution", self.fuse.resolution)

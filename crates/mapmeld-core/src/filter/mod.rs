@@ -43,7 +43,7 @@ pub trait Model: Sync {
     /// Update: draws a successor inside the mode and folds the observation in.
     fn advance(&self, state: &Self::State, mode: &Self::Mode, rng: &mut Stream) -> Self::State;
 
-    /// True when both states are one and the same, so that their modes need not be worked out twice.
+    /// True when both states are one and the same, or so close that one's modes serve the other as well.
     fn is_same(&self, _a: &Self::State, _b: &Self::State) -> bool {
         false
     }
@@ -103,16 +103,16 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         let n = self.particles.len();
         self.step += 1;
 
-        // Propose. Copies of one particle lie side by side after resampling: one turn serves them all.
+        // Propose. One turn serves all particles whose states are the same.
         let mut group_of = Vec::with_capacity(n);
         let mut leaders: Vec<usize> = Vec::new();
         for (i, p) in self.particles.iter().enumerate() {
-            let known =
-                leaders.last().is_some_and(|l| model.is_same(&self.particles[*l].state, &p.state));
-            if !known {
+            let is_led = |l: &usize| model.is_same(&self.particles[*l].state, &p.state);
+            let group = leaders.iter().position(is_led).unwrap_or_else(|| {
                 leaders.push(i);
-            }
-            group_of.push(leaders.len() - 1);
+                leaders.len() - 1
+            });
+            group_of.push(group);
         }
         let modes = parallel::map(&leaders, |l| model.propose(&self.particles[*l].state));
 

@@ -10,7 +10,8 @@
 use crate::config::PerceptionConfig;
 use crate::distance::MAX_SQUARED;
 use crate::grid::{class_of, Class};
-use crate::local_map::{LocalMap, WallSample};
+use crate::local_map::{ClassCells, LocalMap, WallSample};
+use crate::perception::bend;
 use crate::perception::overlay::Overlay;
 use crate::se2::{Se2, Vec2};
 
@@ -22,12 +23,24 @@ pub struct WallEvidence {
     pub log_likelihood: f64,
     /// Observations whose wall is where it should be.
     pub hits: f64,
+    /// How far the walls of the hits lie apart: half the squared distances, in variances, summed.
+    pub spread: f64,
     /// Observations without a wall nearby.
     pub misses: f64,
     /// Observations on a wall that faces the other way.
     pub opposed: f64,
     /// Observations in clear free space.
     pub conflicts: f64,
+    /// Those of the conflicts that lie amid long straight walls.
+    pub straight_conflicts: f64,
+    /// Those of the hits that break the straightness: ends, corners, clutter.
+    pub distinct_hits: f64,
+    /// What bending the maps until their walls meet costs, nats; the log-likelihood has paid it.
+    pub bending: f64,
+    /// Open floor of one that is free in the other, square metres.
+    pub shared_floor: f64,
+    /// Open floor of one on which the other has a wall, square metres.
+    pub blocked_floor: f64,
     /// Length of the walls found where they should be, metres.
     pub shared_length: f64,
     /// Sum of `w n n^T` over the hits, as (xx, xy, yy), in the other map's frame: its smaller
@@ -36,12 +49,19 @@ pub struct WallEvidence {
 }
 
 impl WallEvidence {
-    fn add(&mut self, other: &WallEvidence, share: f64) {
+    /// Adds another's observations, each counting `share`.
+    pub fn add(&mut self, other: &WallEvidence, share: f64) {
         self.log_likelihood += share * other.log_likelihood;
         self.hits += share * other.hits;
+        self.spread += share * other.spread;
         self.misses += share * other.misses;
         self.opposed += share * other.opposed;
         self.conflicts += share * other.conflicts;
+        self.straight_conflicts += share * other.straight_conflicts;
+        self.distinct_hits += share * other.distinct_hits;
+        self.bending += share * other.bending;
+        self.shared_floor += share * other.shared_floor;
+        self.blocked_floor += share * other.blocked_floor;
         self.shared_length += share * other.shared_length;
         for k in 0..3 {
             self.directions[k] += share * other.directions[k];
@@ -194,12 +214,19 @@ fn tally<'s>(
         }
         let w = s.weight / seen;
         let contradicted = conflicts * s.conflict_weight / seen;
+        sum.spread += w * (hits * config.hit - value);
         value += misses * config.miss + opposed * config.opposed;
-        sum.log_likelihood += w * value + contradicted * config.conflict;
+        let excuse = if s.straight { config.straight_conflict } else { config.conflict };
+        sum.log_likelihood += w * value + contradicted * excuse;
         sum.hits += w * hits;
         sum.misses += w * misses;
         sum.opposed += w * opposed;
         sum.conflicts += contradicted;
+        if s.straight {
+            sum.straight_conflicts += contradicted;
+        } else {
+            sum.distinct_hits += w * hits;
+        }
         if hits > 0.0 {
             let (n, w) = (to_common.rotate(s.normal), w * hits);
             sum.shared_length += spacing * hits / seen;
@@ -211,7 +238,7 @@ fn tally<'s>(
     sum
 }
 
-/// Evidence of a pair of maps for `T_a_b`, from every `stride`-th sample.
+/// Evidence of a pair of rigid maps for `T_a_b`, from every `stride`-th sample.
 pub fn pair(
     a: &LocalMap,
     b: &LocalMap,
@@ -229,6 +256,61 @@ pub fn pair(
         half,
     );
     sum
+}
+
+/// Evidence of a pair of maps for `T_a_b`, from all samples of maps that may be bent.
+pub fn unbent_pair(
+    a: &LocalMap,
+    b: &LocalMap,
+    t_a_b: &Se2,
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    let at = |map, t_world_map| Placed { map, t_world_map, samples: None };
+    between(&[at(a, Se2::IDENTITY)], &[at(b, *t_a_b)], config)
+}
+
+/// What the open floor of a map says of others: where it is free there too, and where it is built on.
+fn survey(floor: &ClassCells, targets: &[Target]) -> WallEvidence {
+    let mut sum = WallEvidence::default();
+    for p in &floor.centers {
+        let (mut free, mut built, mut seen) = (0.0, 0.0, 0.0);
+        for t in targets {
+            let Some(cell) = t.view.cell(*p) else { continue };
+            match class_of(t.map.grid.cells()[cell]) {
+                Class::Free => free += 1.0,
+                Class::Occupied => built += 1.0,
+                Class::Unknown => continue,
+            }
+            seen += 1.0;
+        }
+        if seen > 0.0 {
+            sum.shared_floor += floor.scale * free / seen;
+            sum.blocked_floor += floor.scale * built / seen;
+        }
+    }
+    sum
+}
+
+/// What some wall samples of a map say of other maps, were it placed at `t_world_from`.
+pub fn one_way<'s>(
+    samples: impl Iterator<Item = &'s WallSample>,
+    from: &LocalMap,
+    t_world_from: &Se2,
+    others: &[Placed],
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    tally(samples, &targets(from, t_world_from, others, config), t_world_from, from.spacing, config)
+}
+
+fn targets<'a>(
+    from: &LocalMap,
+    t_world_from: &Se2,
+    others: &[Placed<'a>],
+    config: &'a PerceptionConfig,
+) -> Vec<Target<'a>> {
+    let target =
+        |o: &Placed<'a>| Target::new(o.map, from, &o.t_world_map.between(t_world_from), config);
+    others.iter().map(target).collect()
 }
 
 /// A quick look at an unrefined `T_a_b` with every `stride`-th sample of b: like-oriented walls within
@@ -253,6 +335,7 @@ pub fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, stride: usize) -> f64 {
 }
 
 /// A map at its place, and those of its wall samples that speak for it; none: all of them.
+#[derive(Clone, Copy)]
 pub struct Placed<'a> {
     /// The map.
     pub map: &'a LocalMap,
@@ -265,26 +348,14 @@ pub struct Placed<'a> {
 impl Placed<'_> {
     /// What this map's samples say of the other maps.
     fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
-        let targets: Vec<Target> = others
-            .iter()
-            .map(|o| {
-                Target::new(o.map, self.map, &o.t_world_map.between(&self.t_world_map), config)
-            })
-            .collect();
-        let all = &self.map.samples;
-        let count = self.samples.map_or(all.len(), <[u32]>::len);
+        let t = &self.t_world_map;
+        let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
         let step = count.div_ceil(config.max_samples).max(1);
-        let (t, spacing) = (&self.t_world_map, self.map.spacing);
-        let tallied = match self.samples {
-            None => tally(all.iter().step_by(step), &targets, t, spacing, config),
-            Some(own) => {
-                let own = own.iter().step_by(step).map(|k| &all[*k as usize]);
-                tally(own, &targets, t, spacing, config)
-            }
-        };
+        let tallied = bend::of_patches(self, others, step, config);
         let taken = count.div_ceil(step).max(1);
         let mut sum = WallEvidence::default();
         sum.add(&tallied, count as f64 / taken as f64);
+        sum.add(&survey(&self.map.floor, &targets(self.map, t, others, config)), 1.0);
         sum
     }
 }

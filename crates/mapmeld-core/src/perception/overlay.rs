@@ -17,6 +17,8 @@ pub struct Layer {
     pub map: usize,
     /// Its pose: the virtual robot's x_t.
     pub t_world_map: Se2,
+    /// Probability that the pose is right, given the layers below.
+    pub probability: f64,
     /// Occupied cells that no layer below has, world coordinates.
     pub new_occupied: Vec<Vec2>,
     /// Free cells that no layer below has, world coordinates.
@@ -56,15 +58,15 @@ impl Overlay {
             .collect()
     }
 
-    /// Folds a local map in at a pose. With `cells` the new cells of each class are worked out
-    /// (Psi and gamma need them), with `samples` the new wall samples.
+    /// Folds a local map in at a pose that is right with some probability. With `cells` the new cells of each
+    /// class are worked out, which Psi and gamma need.
     pub fn with(
         &self,
         maps: &[LocalMap],
         map: usize,
         t_world_map: Se2,
+        probability: f64,
         cells: bool,
-        samples: bool,
     ) -> Overlay {
         let m = &maps[map];
         let below: Vec<(&LocalMap, Locator)> = self
@@ -86,23 +88,21 @@ impl Overlay {
             };
             centers.iter().map(|c| t_world_map.apply(*c)).filter(|p| !is_there(p)).collect()
         };
-        let new_samples = if samples {
-            let views: Vec<_> = self
-                .layers()
-                .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
-                .collect();
-            let is_there = |s: &crate::local_map::WallSample| {
-                views
-                    .iter()
-                    .any(|v| v.cell(s.position).is_some_and(|c| v.nearest(c, s.normal).is_some()))
-            };
-            (0..m.samples.len() as u32).filter(|k| !is_there(&m.samples[*k as usize])).collect()
-        } else {
-            Vec::new()
+        let views: Vec<_> = self
+            .layers()
+            .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
+            .collect();
+        let is_shown = |s: &crate::local_map::WallSample| {
+            views
+                .iter()
+                .any(|v| v.cell(s.position).is_some_and(|c| v.nearest(c, s.normal).is_some()))
         };
+        let new_samples =
+            (0..m.samples.len() as u32).filter(|k| !is_shown(&m.samples[*k as usize])).collect();
         Overlay(Some(Arc::new(Layer {
             map,
             t_world_map,
+            probability,
             new_occupied: new_cells(&m.occupied.centers, true),
             new_free: new_cells(&m.free.centers, false),
             new_samples,

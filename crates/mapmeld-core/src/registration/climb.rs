@@ -131,7 +131,7 @@ fn ascend(
     perception: &PerceptionConfig,
     each: impl Fn(&Se2, &mut dyn FnMut(Match)),
 ) -> Option<Se2> {
-    let finest = perception.wall_sigma.max(resolution);
+    let finest = perception.climb_sigma.max(resolution);
     let mut scale = wide;
     let mut t = start;
     for _ in 0..max_iterations {
@@ -176,7 +176,7 @@ pub fn covariance(
     perception: &PerceptionConfig,
 ) -> Matrix3<f64> {
     let resolution = a.grid.resolution().max(b.grid.resolution());
-    let sigma = perception.wall_sigma.max(resolution);
+    let sigma = perception.climb_sigma.max(resolution);
     // Both directions tell of the same walls: half each.
     let discount = 0.5 * a.spacing.max(b.spacing) / perception.correlation_length;
     let mut h = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));

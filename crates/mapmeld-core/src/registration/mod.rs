@@ -10,6 +10,7 @@ pub mod correlation;
 pub mod pair;
 pub mod segments;
 
+use crate::evidence::Status;
 use crate::perception::WallEvidence;
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
@@ -63,7 +64,56 @@ pub struct Mode {
     pub source: Source,
 }
 
-/// All that the registration of a pair found.
+/// What the registration of a pair found at one degree of bending.
+#[derive(Debug, Clone)]
+pub struct Rung {
+    /// Modes, most likely first.
+    pub modes: Vec<Mode>,
+    /// What map a reaches with the mirror image of map b, which it cannot have seen.
+    pub decoys: Vec<WallEvidence>,
+}
+
+/// All that the registration of a pair found, before it is known how bent the maps are.
+#[derive(Debug, Clone)]
+pub struct Registered {
+    /// Index of map a.
+    pub a: usize,
+    /// Index of map b.
+    pub b: usize,
+    /// Number of candidates that the sources proposed.
+    pub candidates: usize,
+    /// One for each degree of bending that is tried, finest first.
+    pub rungs: Vec<Rung>,
+}
+
+impl Rung {
+    /// The best log-likelihood that the mirror image reaches, nats; zero at least.
+    pub fn decoy(&self) -> f64 {
+        self.decoys.iter().map(|e| e.log_likelihood).fold(0.0, f64::max)
+    }
+
+    /// The modes that tell different stories, each told by its likeliest, most likely first. `center` is the
+    /// centre of map b's known cells.
+    pub fn stories(&self, center: Vec2) -> Vec<&Mode> {
+        let (distance, angle) = SAME_WORLD;
+        let mut told: Vec<&Mode> = Vec::new();
+        for m in &self.modes {
+            if !told.iter().any(|t| t.t_a_b.is_close_at(&m.t_a_b, center, distance, angle)) {
+                told.push(m);
+            }
+        }
+        told
+    }
+
+    /// The log-likelihood that chance and self-similarity reach with these maps: that of the best decoy, or of
+    /// the second story, if that is more; never negative.
+    pub fn chance(&self, center: Vec2) -> f64 {
+        let second = self.stories(center).get(1).map_or(0.0, |m| m.evidence.log_likelihood);
+        self.decoy().max(second)
+    }
+}
+
+/// All that the registration of a pair found, at the degree of bending that fits the maps.
 #[derive(Debug, Clone)]
 pub struct PairModes {
     /// Index of map a.
@@ -72,27 +122,12 @@ pub struct PairModes {
     pub b: usize,
     /// Number of candidates that the sources proposed.
     pub candidates: usize,
-    /// Modes, most likely first.
-    pub modes: Vec<Mode>,
-    /// What map a reaches with the mirror image of map b, which it cannot have seen.
-    pub decoys: Vec<WallEvidence>,
-}
-
-impl PairModes {
-    /// The log-likelihood that chance and self-similarity reach with these maps: the best decoy, or the
-    /// best mode that tells another story than the first, if that is more; never negative. `center` is
-    /// the centre of map b's known cells.
-    pub fn noise_floor(&self, center: Vec2) -> f64 {
-        let decoy = self.decoys.iter().map(|e| e.log_likelihood).fold(0.0, f64::max);
-        decoy.max(self.runner_up(center).map_or(0.0, |m| m.evidence.log_likelihood))
-    }
-
-    /// The best mode that tells another story than the first.
-    pub fn runner_up(&self, center: Vec2) -> Option<&Mode> {
-        let first = self.modes.first()?;
-        let (distance, angle) = SAME_WORLD;
-        self.modes.iter().find(|m| !m.t_a_b.is_close_at(&first.t_a_b, center, distance, angle))
-    }
+    /// Modes and decoys.
+    pub found: Rung,
+    /// Whether these two maps alone would be merged.
+    pub status: Status,
+    /// Probability that the likeliest mode is right; zero without one.
+    pub probability: f64,
 }
 
 /// Poses closer than this (metres at the map's centre, radians) tell the same story.

@@ -1,10 +1,10 @@
 //! Registration of one pair of prepared maps: candidates, shortlist, climb, modes.
 
-use crate::config::{Config, RegistrationConfig};
+use crate::config::{Config, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::likelihood;
 use crate::registration::{
-    climb, corners, correlation, segments, Candidate, Mode, PairModes, Source,
+    climb, corners, correlation, segments, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
@@ -22,8 +22,9 @@ const FINAL_SAMPLES: usize = 600;
 const FIRST_STEPS: usize = 6;
 
 /// Registers a pair: the modes of `T_a_b`, most likely first (paper, section 3: the possible motions
-/// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach. `hints` are
-/// transforms that are worth a climb whatever the sources say.
+/// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach; both at each
+/// standard deviation of the walls that is tried. `hints` are transforms that are worth a climb whatever the
+/// sources say.
 pub fn register(
     ma: &LocalMap,
     mb: &LocalMap,
@@ -31,28 +32,37 @@ pub fn register(
     hints: &[Se2],
     (a, b): (usize, usize),
     config: &Config,
-) -> PairModes {
+) -> Registered {
     let (candidates, modes) = find_modes(ma, mb, hints, config.registration.shortlist, config);
-    let decoys = mirrored_b.map_or_else(Vec::new, |m| {
+    let mut decoys = mirrored_b.map_or_else(Vec::new, |m| {
         find_modes(ma, m, &[], config.registration.decoy_shortlist, config).1
     });
-    let decoys = decoys.into_iter().map(|m| m.evidence).collect();
-    PairModes { a, b, candidates, modes, decoys }
+    decoys.resize(modes.len(), Vec::new());
+    let evidence = |modes: Vec<Mode>| modes.into_iter().map(|m| m.evidence).collect();
+    let rungs = modes
+        .into_iter()
+        .zip(decoys)
+        .map(|(modes, decoys)| Rung { modes, decoys: evidence(decoys) })
+        .collect();
+    Registered { a, b, candidates, rungs }
 }
 
-/// Number of candidates, and the modes that they lead to.
+/// Number of candidates, and the modes that they lead to at each standard deviation of the walls.
 fn find_modes(
     ma: &LocalMap,
     mb: &LocalMap,
     hints: &[Se2],
     shortlist: usize,
     config: &Config,
-) -> (usize, Vec<Mode>) {
-    let (Some(_), Some(center)) = (ma.center, mb.center) else { return (0, Vec::new()) };
+) -> (usize, Vec<Vec<Mode>>) {
+    let rungs = config.perception.rungs();
+    let (Some(_), Some(center)) = (ma.center, mb.center) else {
+        return (0, vec![Vec::new(); rungs.len()]);
+    };
     let r = &config.registration;
-    let p = &config.perception;
-    let found = candidates(ma, mb, r);
-    let candidates = found.len() + hints.len();
+    let found = of_structures(ma, mb, r);
+    let correlated = correlation::candidates(ma, mb);
+    let candidates = found.len() + correlated.len() + hints.len();
 
     let distance =
         r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
@@ -62,49 +72,66 @@ fn find_modes(
         let stride = stride(samples);
         found.into_iter().map(|c| (likelihood::glance(ma, mb, &c.t_a_b, stride), c)).collect()
     };
-    let climb_all =
-        |found: Vec<Candidate>, samples: usize, steps: usize| -> Vec<(f64, Candidate)> {
-            found
-                .into_iter()
-                .filter_map(|c| {
-                    let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(samples), steps, p)?;
-                    let evidence = likelihood::pair(ma, mb, &t_a_b, stride(4 * samples), p);
-                    Some((evidence.log_likelihood, Candidate { t_a_b, ..c }))
-                })
-                .collect()
-        };
+    let climb_all = |found: &[Candidate], samples: usize, steps: usize, p: &PerceptionConfig| {
+        let p = &p.rigid();
+        let climbed = found.iter().filter_map(|c| {
+            let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(samples), steps, p)?;
+            let evidence = likelihood::pair(ma, mb, &t_a_b, stride(4 * samples), p);
+            Some((evidence.log_likelihood, Candidate { t_a_b, ..*c }))
+        });
+        climbed.collect::<Vec<_>>()
+    };
     // Narrowing down: all blinked at, many looked at, fewer led a few steps uphill, the best climbed to
     // the top.
     let mut blinked = look(found, BLINK_SAMPLES);
     blinked.sort_by(|x, y| y.0.total_cmp(&x.0));
     blinked.truncate(40 * shortlist);
     let blinked = blinked.into_iter().map(|(_, c)| c).collect();
-    let glanced = distinct(look(blinked, GLANCE_SAMPLES), 4 * shortlist);
-    let mut shortlisted = distinct(climb_all(glanced, GLANCE_SAMPLES, FIRST_STEPS), shortlist);
-    shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
-    let kept = distinct(climb_all(shortlisted, CLIMB_SAMPLES, r.max_iterations), r.max_modes);
+    let mut glanced = distinct(look(blinked, GLANCE_SAMPLES), 4 * shortlist);
+    let correlated = correlated.into_iter().map(|(score, c)| (f64::from(score), c)).collect();
+    glanced.extend(distinct(correlated, 4 * shortlist));
+    // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
+    // what either finds is tried at all of them.
+    let mut tops: Vec<Candidate> = Vec::new();
+    let widest = (rungs.len() > 1).then(|| &rungs[rungs.len() - 1]);
+    for p in rungs.first().into_iter().chain(widest) {
+        let mut shortlisted =
+            distinct(climb_all(&glanced, GLANCE_SAMPLES, FIRST_STEPS, p), shortlist);
+        shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
+        tops.extend(distinct(
+            climb_all(&shortlisted, CLIMB_SAMPLES, r.max_iterations, p),
+            r.max_modes,
+        ));
+    }
+    let modes = rungs.iter().map(|p| {
+        let at_top = distinct(climb_all(&tops, FINAL_SAMPLES, r.max_iterations, p), r.max_modes);
+        let mut modes: Vec<Mode> = at_top.into_iter().map(|c| mode(ma, mb, c, p)).collect();
+        modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
+        modes
+    });
+    (candidates, modes.collect())
+}
 
-    let log_volume = log_search_volume(ma, mb);
-    let mut modes: Vec<Mode> = kept
-        .into_iter()
-        .map(|c| {
-            let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(FINAL_SAMPLES), r.max_iterations, p)
-                .unwrap_or(c.t_a_b);
-            let evidence = likelihood::pair(ma, mb, &t_a_b, 1, p);
-            let covariance = climb::covariance(ma, mb, &t_a_b, p);
-            let log_odds = evidence.log_likelihood + log_gaussian_mass(&covariance) - log_volume;
-            Mode { t_a_b, covariance, evidence, log_odds, source: c.source }
-        })
-        .collect();
-    modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
-    (candidates, modes)
+/// A pose with what the walls say about it.
+fn mode(a: &LocalMap, b: &LocalMap, c: Candidate, p: &PerceptionConfig) -> Mode {
+    let evidence = likelihood::unbent_pair(a, b, &c.t_a_b, p);
+    let covariance = climb::covariance(a, b, &c.t_a_b, p);
+    let log_mass = evidence.log_likelihood + log_gaussian_mass(&covariance);
+    let log_odds = log_mass - log_search_volume(a, b);
+    Mode { t_a_b: c.t_a_b, covariance, evidence, log_odds, source: c.source }
 }
 
 /// What every source proposes for `T_a_b`, unrefined.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
+    let mut found = of_structures(a, b, config);
+    found.extend(correlation::candidates(a, b).into_iter().map(|(_, c)| c));
+    found
+}
+
+/// What corners and walls propose, which says nothing yet of the rest of the maps.
+fn of_structures(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = corners::candidates(&a.corners, &b.corners, config);
     found.extend(segments::candidates(&a.lines, &b.lines));
-    found.extend(correlation::candidates(a, b));
     found
 }
 

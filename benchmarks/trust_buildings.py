@@ -17,15 +17,16 @@ from mapmeld import simulate as simulator
 from mapmeld.simulate import SimulateOptions, simulate, write_case
 from trust_cases import MapFile, MapPair
 
-WORLDS = ("maze", "office", "halls", "wings", "symmetric")
-_SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
+WORLDS = ("maze", "office", "cells", "halls", "wings", "symmetric")
+SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "maze": (None, (9.6, 9.6), (18.0, 12.0)),
     "office": (None, (26.0, 18.0), (56.0, 28.0)),
+    "cells": (None, (24.0, 12.0), (90.0, 16.0)),
     "halls": ((60.0, 30.0), (80.0, 40.0), None),
     "wings": (None, (36.0, 20.0), (74.0, 32.0)),
     "symmetric": (None, (20.0, 18.0), (40.0, 30.0)),
 }
-_RESOLUTIONS = (0.05, 0.05, 0.1, 0.05, 0.04)
+RESOLUTIONS = (0.05, 0.05, 0.1, 0.05, 0.04)
 _STRANGER_SEED, _APART_SEED, _WHOLE_SEED = 1000, 1500, 2000
 
 
@@ -40,7 +41,9 @@ class Building:
     def folder(self) -> Path:
         told = json.dumps(self.options.to_dict(), sort_keys=True) + _simulator()
         digest = hashlib.sha256(told.encode()).hexdigest()[:8]
-        return self.cache / f"{self.options.world}{self.options.seed}_sim_{digest}"
+        world = Path(self.options.world)
+        name = f"{world.parent.name}-{world.stem}-" if world.suffix else self.options.world
+        return self.cache / f"{name}{self.options.seed}_sim_{digest}"
 
     def run(self) -> None:
         """Simulates it, unless that was done before."""
@@ -64,8 +67,8 @@ def strangers(count: int, cache: Path, worlds: Sequence[str] = WORLDS) -> list[B
                 world=world,
                 seed=_STRANGER_SEED + k,
                 robots=2 + k % 2,
-                size=_SIZES[world][k % 3],
-                resolution=_RESOLUTIONS[k % 5],
+                size=SIZES[world][k % 3],
+                resolution=RESOLUTIONS[k % 5],
                 drift=(0.0, 1.0, 0.0, 2.0)[k % 4],
             ),
             cache,
@@ -103,7 +106,7 @@ def wholes(count: int, cache: Path, worlds: Sequence[str] = WORLDS) -> list[Buil
                 world=world,
                 seed=_WHOLE_SEED + k,
                 robots=4,
-                size=_SIZES[world][0],
+                size=SIZES[world][0],
                 drift=float(k % 2),
             ),
             cache,

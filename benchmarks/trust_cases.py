@@ -33,8 +33,13 @@ class MapFile:
     @property
     def building(self) -> str:
         """Maps of two of these must not be merged."""
-        parts = self.case.split("_")
-        return "_".join(parts[:2]) if parts[0] == "halmstad" else parts[0]
+        return building(self.case)
+
+
+def building(case: str) -> str:
+    """The building of a case, by its name."""
+    parts = case.split("_")
+    return "_".join(parts[:2]) if parts[0] == "halmstad" else parts[0]
 
 
 @dataclass(frozen=True)

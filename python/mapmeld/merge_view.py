@@ -40,12 +40,8 @@ def warnings(result: MergeResult) -> list[str]:
             f"the maps fall into {parts} components; between them there is not enough evidence to merge "
             "(-v shows every pair). Each component is a merged map of its own"
         )
-    by_status = {
-        "ambiguous": "could lie elsewhere nearly as probably (see hypotheses in result.json)",
-        "blank": "holds no known cell, so it is placed nowhere",
-    }
-    for status, meaning in by_status.items():
-        lines += [f"map {m.name}: {meaning}" for m in result.maps if m.status == status]
+    unmerged = [m for m in result.maps if m.status == "blank" or (parts > 1 and m.status != "merged")]
+    lines += [f"map {m.name}: {m.status}: {m.reason}" for m in unmerged]
     return lines
 
 

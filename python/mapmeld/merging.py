@@ -16,6 +16,7 @@ from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
 from mapmeld.map_yaml import one_line
+from mapmeld.reasons import reason
 from mapmeld.result import Component, Hypothesis, HypothesisMap, MergeResult, Mode, Pair, PlacedMap
 
 Progress = Callable[[str, int, int], object]
@@ -151,6 +152,25 @@ def _result(
         )
         for k, c in enumerate(found["components"])
     ]
+    hypotheses = tuple(
+        Hypothesis(
+            _share(h["probability"]),
+            tuple(HypothesisMap(names[m], c, _array(T)) for m, c, T in h["maps"]),
+        )
+        for h in found["hypotheses"]
+    )
+    pairs = tuple(
+        Pair(
+            names[p["a"]],
+            names[p["b"]],
+            p["candidates"],
+            p["status"],
+            _share(p["probability"]),
+            p["decoy_log_likelihood"],
+            tuple(_mode(m) for m in p["modes"]),
+        )
+        for p in found["pairs"]
+    )
     maps = []
     for name, p in zip(names, found["maps"], strict=True):
         component = p["component"]
@@ -167,29 +187,13 @@ def _result(
                 covariance=None if T is None else _array(p["covariance"]),
                 status=p["status"],
                 probability=_share(p["probability"]),
+                reason=reason(name, p["status"], components[component].order, pairs, hypotheses),
             )
         )
     return MergeResult(
         maps=tuple(maps),
-        hypotheses=tuple(
-            Hypothesis(
-                _share(h["probability"]),
-                tuple(HypothesisMap(names[m], c, _array(T)) for m, c, T in h["maps"]),
-            )
-            for h in found["hypotheses"]
-        ),
-        pairs=tuple(
-            Pair(
-                names[p["a"]],
-                names[p["b"]],
-                p["candidates"],
-                p["status"],
-                _share(p["probability"]),
-                p["decoy_log_likelihood"],
-                tuple(_mode(m) for m in p["modes"]),
-            )
-            for p in found["pairs"]
-        ),
+        hypotheses=hypotheses,
+        pairs=pairs,
         components=tuple(components),
         seconds=seconds,
         config=options,

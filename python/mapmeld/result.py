@@ -23,9 +23,12 @@ class PlacedMap:
         the component, which is that of its reference map. None for a blank map.
     covariance: float64 (3, 3), of (x, y, theta) relative to the reference map, whose own is zero. None for a
         blank map.
-    status: "merged", "ambiguous" (merged, while another place is nearly as probable), "no evidence" (no other
-        map shares enough walls with it: a component of its own) or "blank" (nothing is known in it).
-    probability: that the map lies where T_component_map says, 0..1; 0 for a blank map.
+    status: "merged", "ambiguous" (it belongs to others, but more than one place is probable: a component of
+        its own), "no evidence" (no other map shares enough walls with it: a component of its own) or "blank"
+        (nothing is known in it).
+    probability: that the map lies where T_component_map says, 0..1; 0 for a blank map. Of an ambiguous map:
+        that of its most probable place among the others.
+    reason: why it stands so, a sentence with its numbers.
     """
 
     name: str
@@ -34,6 +37,7 @@ class PlacedMap:
     covariance: NDArray[np.float64] | None
     status: str
     probability: float
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +112,8 @@ class Pair:
 class Component:
     """Maps that lie in one frame, that of `reference`.
 
-    order: names in the order in which the virtual robot visited them, the reference first.
+    order: names in the order in which the virtual robot visited them, which starts where the evidence is
+        densest.
     rms_m: root mean square of the walls' residuals after the joint refinement, metres; None for a single
         map.
     merged: the fused map, None when the component is one blank map. shared_cells: cells that more than one
@@ -182,6 +187,7 @@ class MergeResult:
                     "covariance": _numbers(m.covariance),
                     "status": m.status,
                     "probability": _number(m.probability),
+                    "reason": m.reason,
                 }
                 for m in self.maps
             ],

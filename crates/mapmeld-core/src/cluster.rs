@@ -22,10 +22,12 @@ const MAX_WORLDS: usize = 10;
 /// Most motions between two clusters that are taken from their members.
 const MAX_MOTIONS: usize = 100;
 
-/// Maps placed in one frame, that of the first.
+/// Maps placed in one frame, that of one of them.
 #[derive(Debug, Clone)]
 pub struct Cluster {
-    /// Maps in merge order, the reference first.
+    /// The map whose frame is the cluster's.
+    pub reference: usize,
+    /// Maps in merge order.
     pub members: Vec<usize>,
     /// `T_cluster_map` of each member, refined.
     pub poses: Vec<Se2>,
@@ -59,6 +61,7 @@ impl Cluster {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
             let refined = refine::refine(maps, &members, &poses, 0, config);
             Cluster {
+                reference: members[0],
                 members,
                 poses: refined.poses,
                 covariances: refined.covariances,
@@ -70,6 +73,21 @@ impl Cluster {
             }
         });
         clusters.collect()
+    }
+
+    /// Takes another member's frame.
+    pub fn rebase(&mut self, reference: usize, maps: &[LocalMap], config: &Config) {
+        let Some(k) = self.members.iter().position(|m| *m == reference) else { return };
+        let into = self.poses[k].inverse();
+        self.poses.iter_mut().for_each(|t| *t = into.compose(t));
+        self.poses[k] = Se2::IDENTITY;
+        self.covariances = refine::uncertainty(maps, &self.members, &self.poses, k, config);
+        for worlds in [&mut self.worlds, &mut self.stories] {
+            let Some(into) = worlds.first().and_then(|w| w.pose(reference)) else { continue };
+            let into = into.inverse();
+            worlds.iter_mut().flat_map(|w| &mut w.poses).for_each(|(_, t)| *t = into.compose(t));
+        }
+        self.reference = reference;
     }
 
     /// The members' grids in their places.

@@ -61,7 +61,8 @@ impl World {
         self.probability * self.certainties.iter().product::<f64>()
     }
 
-    fn pose(&self, map: usize) -> Option<Se2> {
+    /// Where a map is, if it is placed.
+    pub fn pose(&self, map: usize) -> Option<Se2> {
         self.poses.iter().find(|(m, _)| *m == map).map(|(_, x)| *x)
     }
 

@@ -24,6 +24,7 @@
 //! ```
 #![warn(missing_docs)]
 pub mod boundary;
+pub mod canonical;
 pub mod cluster;
 pub mod config;
 pub mod distance;

@@ -1,5 +1,6 @@
 //! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
 
+use crate::canonical::Canonical;
 use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::error::{Error, Result};
@@ -18,7 +19,7 @@ use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
-/// the number of threads.
+/// the order in which the maps are given nor on the number of threads.
 pub fn merge(
     grids: Vec<OccupancyGrid>,
     known: &Known,
@@ -27,7 +28,10 @@ pub fn merge(
 ) -> Result<Merge> {
     config.validate()?;
     check_known(known, grids.len())?;
-    parallel::with_threads(config.threads, || run(grids, known, config, observer))?
+    let canonical = Canonical::of(&grids);
+    let (grids, known) = (canonical.arranged(grids), canonical.known(known));
+    let found = parallel::with_threads(config.threads, || run(grids, &known, config, observer))?;
+    Ok(canonical.restored(found?))
 }
 
 fn run(
@@ -72,13 +76,19 @@ fn run(
         clusters = joined;
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
+    // A named reference lends its frame; where the robot starts is for the evidence to say.
+    if let Some(r) = known.reference {
+        clusters.iter_mut().filter(|c| c.members.contains(&r)).for_each(|c| {
+            c.rebase(r, &maps, config);
+        });
+    }
     clock.lap("join");
 
     let mut components = Vec::new();
     for (k, c) in clusters.iter().enumerate() {
         observe(observer, Stage::Fuse, k, clusters.len())?;
         components.push(Component {
-            reference: c.members[0],
+            reference: c.reference,
             order: c.members.clone(),
             steps: c.steps.clone(),
             rms: c.rms,
@@ -123,11 +133,11 @@ fn travel(
     observer: Observer,
 ) -> Result<Vec<(Vec<World>, Vec<Step>)>> {
     let mut travelled = Vec::new();
-    while let Some(reference) = choose_reference(robot.pairs, &robot.open, known) {
+    while let Some(start) = choose_start(robot.pairs, &robot.open, known) {
         let f = &robot.config.filter;
         let seed = robot.config.seed.wrapping_add(travelled.len() as u64);
         let mut filter =
-            ParticleFilter::new(robot.start(reference), f.particles, f.resample_below, seed);
+            ParticleFilter::new(robot.start(start), f.particles, f.resample_below, seed);
         let mut steps = Vec::new();
         loop {
             let visited = robot.open.iter().filter(|o| !**o).count() + steps.len();
@@ -164,9 +174,9 @@ fn join(
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
     let found = register_all(&merged, hints, config, observer)?;
     let pairs = judged(found, 0, &merged, config);
-    let first = known.reference.or_else(|| known.order.as_ref()?.first().copied());
-    let reference = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
-    let known = Known { order: None, reference };
+    let first = known.order.as_ref().and_then(|o| o.first().copied());
+    let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
+    let known = Known { order: first.map(|c| vec![c]), reference: None };
     let overlays = parallel::map(clusters, |c| c.overlay(maps));
     let robot = VirtualRobot {
         maps: &merged,
@@ -189,12 +199,11 @@ fn join(
     Ok((joined.len() < clusters.len()).then_some(joined))
 }
 
-/// The reference of the next component: the one that is named, the first of the known order, or the
-/// map with the most evidence in common with other open maps. None when no map is open.
-fn choose_reference(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize> {
+/// Where the robot starts through the next component: at the first map of the known order, or at the one with
+/// the most evidence in common with other open maps. None when no map is open.
+fn choose_start(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize> {
     let is_open = |m: &usize| open[*m];
-    let named = known.reference.filter(is_open);
-    let first = || known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
+    let first = known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
     let connected = |a: usize| -> f64 {
         (0..open.len())
             .filter(|b| open[*b] && *b != a)
@@ -210,7 +219,7 @@ fn choose_reference(pairs: &PairTable, open: &[bool], known: &Known) -> Option<u
             .reduce(|x, y| if y.1 > x.1 { y } else { x })
             .map(|(a, _)| a)
     };
-    named.or_else(first).or_else(strongest)
+    first.or_else(strongest)
 }
 
 fn check_known(known: &Known, n: usize) -> Result<()> {

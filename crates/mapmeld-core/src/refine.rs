@@ -11,7 +11,13 @@ use crate::parallel;
 use crate::perception::likelihood;
 use crate::registration::climb::robust_weight;
 use crate::se2::{Rigid, Se2, Vec2};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
+
+/// Residuals up to about this count as pulling on the poses, metres, even where the kernel lets go of them.
+const WIDE: f64 = 0.2;
+
+/// Smallest standard deviation of a wall's distance, cells: that of rounding to cells in both maps.
+const FINEST: f64 = 0.41;
 
 /// Poses after refinement.
 #[derive(Debug, Clone)]
@@ -31,8 +37,19 @@ pub struct Refined {
 /// A pair's share of the normal equations, for the poses of its two maps.
 #[derive(Clone)]
 struct Block {
-    h: nalgebra::Matrix6<f64>,
-    g: nalgebra::Vector6<f64>,
+    h: Matrix6<f64>,
+    g: Vector6<f64>,
+    /// Sum of `g g^T` over the patches of walls: how much their residuals pull, each on its own.
+    pulls: Matrix6<f64>,
+    squares: f64,
+    weight: f64,
+}
+
+/// The normal equations of all poses.
+struct Normal {
+    h: DMatrix<f64>,
+    g: DVector<f64>,
+    pulls: DMatrix<f64>,
     squares: f64,
     weight: f64,
 }
@@ -49,13 +66,15 @@ pub fn refine(
     let mut poses = poses.to_vec();
     let edges = overlapping(maps, members, &poses, config);
     let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
-    let narrow = config.refine.kernel.unwrap_or(2.0 * resolution);
+    let narrow =
+        config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
     let reach = members.iter().map(|m| maps[*m].reach()).fold(f64::INFINITY, f64::min);
     let mut scale = (0.5 * reach).max(narrow);
     let mut iterations = 0;
     while iterations < config.refine.max_iterations && !edges.is_empty() {
         iterations += 1;
-        let (mut h, g, _, _) = normal_equations(maps, members, &poses, &edges, anchor, scale);
+        let Normal { mut h, g, .. } =
+            normal_equations(maps, members, &poses, &edges, anchor, scale);
         // Levenberg's damping, the same along both axes: a share of each axis' own information would
         // let a bare corridor, along which there is next to none, slide by any distance.
         for k in (0..3 * n).step_by(3) {
@@ -77,15 +96,31 @@ pub fn refine(
             break;
         }
     }
-    let (h, _, squares, weight) = normal_equations(maps, members, &poses, &edges, anchor, narrow);
-    let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
+    let normal = normal_equations(maps, members, &poses, &edges, anchor, narrow);
+    let rms = (normal.weight > 0.0).then(|| (normal.squares / normal.weight).sqrt());
     Refined {
-        covariances: covariances(h, anchor, n, resolution, config),
+        covariances: covariances(normal, anchor, n, resolution, config),
         poses,
         rms,
         edges,
         iterations,
     }
+}
+
+/// Covariances of refined poses relative to a member, the anchor.
+pub fn uncertainty(
+    maps: &[LocalMap],
+    members: &[usize],
+    poses: &[Se2],
+    anchor: usize,
+    config: &Config,
+) -> Vec<Matrix3<f64>> {
+    let edges = overlapping(maps, members, poses, config);
+    let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
+    let narrow =
+        config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
+    let normal = normal_equations(maps, members, poses, &edges, anchor, narrow);
+    covariances(normal, anchor, members.len(), resolution, config)
 }
 
 /// Pairs of members whose walls agree at the given poses.
@@ -115,18 +150,21 @@ fn normal_equations(
     edges: &[(usize, usize)],
     anchor: usize,
     scale: f64,
-) -> (DMatrix<f64>, DVector<f64>, f64, f64) {
+) -> Normal {
     let n = members.len();
     let blocks = parallel::map(edges, |(i, j)| {
         block(&maps[members[*i]], &maps[members[*j]], &poses[*i], &poses[*j], scale)
     });
     let (mut h, mut g) = (DMatrix::zeros(3 * n, 3 * n), DVector::zeros(3 * n));
+    let mut pulls = DMatrix::zeros(3 * n, 3 * n);
     let (mut squares, mut weight) = (0.0, 0.0);
     for ((i, j), b) in edges.iter().zip(&blocks) {
         for (p, x) in [(*i, 0), (*j, 3)] {
             for (q, y) in [(*i, 0), (*j, 3)] {
                 let mut target = h.view_mut((3 * p, 3 * q), (3, 3));
                 target += b.h.fixed_view::<3, 3>(x, y);
+                let mut target = pulls.view_mut((3 * p, 3 * q), (3, 3));
+                target += b.pulls.fixed_view::<3, 3>(x, y);
             }
             let mut target = g.rows_mut(3 * p, 3);
             target += b.g.fixed_rows::<3>(x);
@@ -138,49 +176,62 @@ fn normal_equations(
     h.columns_mut(3 * anchor, 3).fill(0.0);
     h.view_mut((3 * anchor, 3 * anchor), (3, 3)).fill_diagonal(1.0);
     g.rows_mut(3 * anchor, 3).fill(0.0);
-    (h, g, squares, weight)
+    Normal { h, g, pulls, squares, weight }
 }
 
 /// Residuals of walls of b on walls of a, and the other way round, in the world frame.
 fn block(a: &LocalMap, b: &LocalMap, t_w_a: &Se2, t_w_b: &Se2, scale: f64) -> Block {
     let mut out = Block {
-        h: nalgebra::Matrix6::zeros(),
-        g: nalgebra::Vector6::zeros(),
+        h: Matrix6::zeros(),
+        g: Vector6::zeros(),
+        pulls: Matrix6::zeros(),
         squares: 0.0,
         weight: 0.0,
     };
     let (ra, rb) = (t_w_a.to_rigid(), t_w_b.to_rigid());
-    // The wall turns with its own map, so both Jacobians are taken at the other map's point.
-    let mut add = |point: Vec2, normal: Vec2, residual: f64, sign: f64| {
-        let row = |t: Vec2| {
-            let r = point - t;
-            Vector3::new(normal.x, normal.y, normal.y * r.x - normal.x * r.y)
-        };
-        let mut j = nalgebra::Vector6::zeros();
-        j.fixed_rows_mut::<3>(0).copy_from(&(-sign * row(t_w_a.translation())));
-        j.fixed_rows_mut::<3>(3).copy_from(&(sign * row(t_w_b.translation())));
-        let w = robust_weight(residual, scale);
-        out.h += w * j * j.transpose();
-        out.g += w * residual * j;
-        out.squares += w * residual * residual;
-        out.weight += w;
+    let mut of_map = |from: &LocalMap,
+                      to: &LocalMap,
+                      t_to_from: Se2,
+                      frames: (&Rigid, &Rigid),
+                      sign: f64| {
+        for patch in &from.patches {
+            let mut pull = Vector6::zeros();
+            each_match(from, &patch.samples, to, &t_to_from, frames, |point, normal, residual| {
+                // The wall turns with its own map, so both Jacobians are taken at the other map's point.
+                let row = |t: Vec2| {
+                    let r = point - t;
+                    Vector3::new(normal.x, normal.y, normal.y * r.x - normal.x * r.y)
+                };
+                let mut j = Vector6::zeros();
+                j.fixed_rows_mut::<3>(0).copy_from(&(-sign * row(t_w_a.translation())));
+                j.fixed_rows_mut::<3>(3).copy_from(&(sign * row(t_w_b.translation())));
+                let w = robust_weight(residual, scale);
+                out.h += w * j * j.transpose();
+                out.g += w * residual * j;
+                pull += robust_weight(residual, scale.max(WIDE)) * residual * j;
+                out.squares += w * residual * residual;
+                out.weight += w;
+            });
+            out.pulls += pull * pull.transpose();
+        }
     };
-    each_match(b, a, &t_w_a.between(t_w_b), &rb, &ra, |p, n, r| add(p, n, r, 1.0));
-    each_match(a, b, &t_w_b.between(t_w_a), &ra, &rb, |p, n, r| add(p, n, r, -1.0));
+    of_map(b, a, t_w_a.between(t_w_b), (&rb, &ra), 1.0);
+    of_map(a, b, t_w_b.between(t_w_a), (&ra, &rb), -1.0);
     out
 }
 
-/// Samples of `from` that lie on like-oriented walls of `to`: world point, world normal, residual.
+/// Those of some samples of `from` that lie on like-oriented walls of `to`: world point, world normal,
+/// residual. `frames` are the poses of both in the world.
 fn each_match(
     from: &LocalMap,
+    samples: &[u32],
     to: &LocalMap,
     t_to_from: &Se2,
-    t_w_from: &Rigid,
-    t_w_to: &Rigid,
+    (t_w_from, t_w_to): (&Rigid, &Rigid),
     mut f: impl FnMut(Vec2, Vec2, f64),
 ) {
     let view = to.field_view(t_to_from);
-    for s in &from.samples {
+    for s in samples.iter().map(|k| &from.samples[*k as usize]) {
         let Some(k) = view.cell(s.position).and_then(|c| view.nearest(c, s.normal)) else {
             continue;
         };
@@ -191,28 +242,43 @@ fn each_match(
     }
 }
 
-/// Covariances of the poses relative to the anchor: the blocks of the inverse information. Neighbouring
-/// samples are correlated and every wall is matched from both sides, so the information is discounted.
+/// Covariances of the poses relative to the anchor, by how much the patches of walls pull against each other:
+/// `H^-1 (sum of g_c g_c^T) H^-1` over the patches c (a cluster-robust covariance: Liang, Zeger, "Longitudinal data
+/// analysis using generalized linear models", 1986). Samples of one wall err together, and a bent map's patches
+/// each their own way: both show. On top comes what cells cannot tell.
 fn covariances(
-    mut h: DMatrix<f64>,
+    normal: Normal,
     anchor: usize,
     n: usize,
     resolution: f64,
     config: &Config,
 ) -> Vec<Matrix3<f64>> {
     let p = &config.perception;
-    let sigma = p.wall_sigma.max(resolution);
-    h *= 0.5 * p.sample_spacing.max(resolution) / p.correlation_length / (sigma * sigma);
+    let sigma = FINEST * resolution;
+    let discount = 0.5 * p.sample_spacing.max(resolution) / p.correlation_length;
+    let mut information = normal.h.clone();
+    // What pulls: every wall from both sides, so twice; and the cells, as coarse as they are.
+    let mut pulls = normal.pulls * 2.0 + &normal.h * (sigma * sigma / discount);
     for k in (0..3 * n).filter(|k| k / 3 != anchor) {
         // A wide prior (10 m, 1 rad) keeps free directions finite, and large.
-        h[(k, k)] += if k % 3 == 2 { 1.0 } else { 0.01 };
+        let loose = sigma * sigma / discount * if k % 3 == 2 { 1.0 } else { 0.01 };
+        information[(k, k)] += loose;
+        pulls[(k, k)] += loose * loose * if k % 3 == 2 { 1.0 } else { 100.0 };
     }
-    h.view_mut((3 * anchor, 3 * anchor), (3, 3)).fill_diagonal(1.0);
-    let inverse = h.cholesky().map(|c| c.inverse());
+    for m in [&mut information, &mut pulls] {
+        m.rows_mut(3 * anchor, 3).fill(0.0);
+        m.columns_mut(3 * anchor, 3).fill(0.0);
+    }
+    information.view_mut((3 * anchor, 3 * anchor), (3, 3)).fill_diagonal(1.0);
+    let all =
+        information.cholesky().map(|c| c.inverse()).map(|inverse| &inverse * pulls * &inverse);
     (0..n)
-        .map(|k| match &inverse {
+        .map(|k| match &all {
             _ if k == anchor => Matrix3::zeros(),
-            Some(inverse) => inverse.fixed_view::<3, 3>(3 * k, 3 * k).into_owned(),
+            Some(all) => {
+                let own = all.fixed_view::<3, 3>(3 * k, 3 * k).into_owned();
+                0.5 * (own + own.transpose())
+            }
             None => Matrix3::from_diagonal(&Vector3::new(100.0, 100.0, 1.0)),
         })
         .collect()

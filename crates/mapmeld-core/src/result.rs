@@ -12,7 +12,7 @@ use nalgebra::Matrix3;
 pub struct Known {
     /// The order in which the maps connect (indices; maps left out come after, in any order).
     pub order: Option<Vec<usize>>,
-    /// The map whose frame is the world.
+    /// The map whose frame is that of its component.
     pub reference: Option<usize>,
 }
 

@@ -103,8 +103,9 @@ pub struct Verdict {
 }
 
 /// Weighs poses that exclude each other, the likeliest first. Each is held against those below it and the mirror
-/// image: the first that stands carries the map, wherever it lies. The first of all is right as probably as it
-/// stands against all others; what is left is the others', in proportion to their likelihoods.
+/// image: the first that stands carries the map, wherever it lies. The first of all is no more probable than it
+/// stands against the others, nor than its share of their likelihoods; the others follow in proportion. What is
+/// lacking to one is for it to lie elsewhere.
 pub fn weigh(poses: &[&WallEvidence], of: &Background, config: &EvidenceConfig) -> Verdict {
     let likelihoods: Vec<f64> = poses.iter().map(|e| e.log_likelihood).collect();
     let standing = |k: usize| {
@@ -113,22 +114,15 @@ pub fn weigh(poses: &[&WallEvidence], of: &Background, config: &EvidenceConfig) 
     };
     let standing: Vec<f64> = (0..poses.len()).map(standing).collect();
     let carried = standing.iter().copied().fold(0.0, f64::max);
-    let mut probabilities = shares(&likelihoods, config);
-    if let [first, others @ ..] = &mut probabilities[..] {
-        let share = *first;
-        *first = standing[0].max(carried * share);
-        let left = (carried - *first) / (1.0 - share).max(1e-12);
-        others.iter_mut().for_each(|p| *p *= left);
+    let Some(most) = likelihoods.first() else {
+        return Verdict { probabilities: Vec::new(), is_carried: false };
+    };
+    // The ratios count correlated observations as if they were independent: the temperature makes up for that.
+    let odds: Vec<f64> =
+        likelihoods.iter().map(|l| ((l - most) / config.temperature).exp()).collect();
+    let first = standing[0].min(carried / odds.iter().sum::<f64>());
+    Verdict {
+        probabilities: odds.into_iter().map(|o| first * o).collect(),
+        is_carried: carried >= config.min_probability,
     }
-    Verdict { probabilities, is_carried: carried >= config.min_probability }
-}
-
-/// Shares of probability among poses that exclude each other, by their log-likelihood ratios. The ratios
-/// count correlated observations as if they were independent; the temperature makes up for that.
-fn shares(log_likelihoods: &[f64], config: &EvidenceConfig) -> Vec<f64> {
-    let most = log_likelihoods.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let odds = log_likelihoods.iter().map(|l| ((l - most) / config.temperature).exp());
-    let odds: Vec<f64> = odds.collect();
-    let total: f64 = odds.iter().sum();
-    odds.into_iter().map(|o| o / total).collect()
 }

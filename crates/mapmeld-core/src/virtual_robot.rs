@@ -186,7 +186,14 @@ impl VirtualRobot<'_> {
         }
         seen.sort_by(|a, b| b.2.log_likelihood.total_cmp(&a.2.log_likelihood));
         let decoy = merged.layers().map(|l| self.pairs.decoy(l.map, map)).fold(0.0, f64::max);
-        let involved = merged.layers().map(|l| l.map).chain([map]).map(|m| &self.maps[m]);
+        // Merged maps are judged by the size of the maps they are merged of, as every map is.
+        let members = |m: usize| -> Vec<&LocalMap> {
+            match &self.parts {
+                Some(parts) => parts.overlays[m].layers().map(|l| &parts.maps[l.map]).collect(),
+                None => vec![&self.maps[m]],
+            }
+        };
+        let involved = merged.layers().map(|l| l.map).chain([map]).flat_map(members);
         let background = Background::new(involved, self.rung, decoy);
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();

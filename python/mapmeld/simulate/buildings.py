@@ -1,4 +1,4 @@
-"""The generated buildings: office, halls, wings, symmetric."""
+"""The generated buildings: office, cells, halls, wings, symmetric."""
 
 from __future__ import annotations
 
@@ -8,38 +8,57 @@ import numpy as np
 
 from mapmeld.errors import ConfigError
 from mapmeld.simulate.floorplan import Door, Floorplan
-from mapmeld.simulate.rooms import divide, row_of_rooms
+from mapmeld.simulate.rooms import RoomStyle, divide, row_of_rooms
 
 Size = tuple[float, float]
 
-_CORRIDOR = 2.0
+_CORRIDOR = (1.6, 2.6)
+"""Narrowest and widest corridor, in metres: no two buildings have the same."""
 
 
 def office(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Four rows of offices along two corridors, which two cross corridors join; no two rooms alike."""
     width, height = _size(size, (40.0, 24.0), (20.0, 16.0), "an office")
-    depth = (height - 2 * _CORRIDOR) / 4
-    low, high = (depth, depth + _CORRIDOR), (height - depth - _CORRIDOR, height - depth)
+    corridor = float(rng.uniform(*_CORRIDOR))
+    depths = rng.uniform(0.8, 1.2, 4)
+    first, second, third, _ = (float(v) for v in np.cumsum(depths) / depths.sum() * (height - 2 * corridor))
+    low, high = (first, first + corridor), (third + corridor, third + 2 * corridor)
+    middle = second + corridor
     cross = float(rng.uniform(0.5, 0.7)) * width
     plan = Floorplan(thickness)
     for y in (low, high):
         plan.floor(0.0, y[0], width, y[1])
-    for x in ((0.0, _CORRIDOR), (cross, cross + _CORRIDOR)):
+    for x in ((0.0, corridor), (cross, cross + corridor)):
         plan.floor(x[0], low[1], x[1], high[0])
     plan.wall_y(0.0, 0.0, height)
     plan.wall_y(width, 0.0, height)
     row_of_rooms(plan, rng, (0.0, width), low[0], 0.0)
     row_of_rooms(plan, rng, (0.0, width), high[1], height)
-    for x in ((_CORRIDOR, cross), (cross + _CORRIDOR, width)):
-        row_of_rooms(plan, rng, x, low[1], height / 2)
-        row_of_rooms(plan, rng, x, high[0], height / 2)
+    for x in ((corridor, cross), (cross + corridor, width)):
+        row_of_rooms(plan, rng, x, low[1], middle)
+        row_of_rooms(plan, rng, x, high[0], middle)
+    return plan
+
+
+def cells(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
+    """Offices of one size and door on both sides of a corridor; what tells one from the next is furniture."""
+    width, height = _size(size, (48.0, 14.0), (16.0, 10.0), "a row of cells")
+    corridor, room = float(rng.uniform(*_CORRIDOR)), float(rng.uniform(2.8, 4.5))
+    style = RoomStyle(width=(room, room), door=(0.9, 0.9), door_at=float(rng.uniform(0.25, 0.75)))
+    low, high = (height - corridor) / 2, (height + corridor) / 2
+    plan = Floorplan(thickness)
+    plan.floor(0.0, low, width, high)
+    for x in (0.0, width):
+        plan.wall_y(x, low, high)
+    row_of_rooms(plan, rng, (0.0, width), low, 0.0, style)
+    row_of_rooms(plan, rng, (0.0, width), high, height, style)
     return plan
 
 
 def halls(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Halls of 14 to 30 m, some with pillars, on both sides of a corridor as long as the building."""
     width, height = _size(size, (120.0, 50.0), (40.0, 24.0), "a building of halls")
-    corridor = 4.0
+    corridor = float(rng.uniform(3.0, 5.0))
     plan = Floorplan(thickness)
     low, high = (height - corridor) / 2, (height + corridor) / 2
     plan.floor(0.0, low, width, high)
@@ -58,26 +77,27 @@ def halls(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
 def wings(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Equal wings, a copy of one another, along a spine corridor; the rooms across the spine differ."""
     width, height = _size(size, (60.0, 28.0), (26.0, 18.0), "a building of wings")
-    spine, south, side = 3.0, 4.5, 4.5
+    corridor, spine = float(rng.uniform(*_CORRIDOR)), float(rng.uniform(2.4, 3.6))
+    south, side = float(rng.uniform(4.0, 5.0)), float(rng.uniform(4.0, 5.0))
     base = south + spine
     wing = Floorplan(thickness)
     length = height - base
-    wing.floor(0.0, 0.0, length, _CORRIDOR)
-    wing.wall_y(length, 0.0, _CORRIDOR)
+    wing.floor(0.0, 0.0, length, corridor)
+    wing.wall_y(length, 0.0, corridor)
     row_of_rooms(wing, rng, (0.0, length), 0.0, -side)
-    row_of_rooms(wing, rng, (0.0, length), _CORRIDOR, _CORRIDOR + side)
+    row_of_rooms(wing, rng, (0.0, length), corridor, corridor + side)
     wing = wing.transposed()
     plan = Floorplan(thickness)
     plan.floor(0.0, south, width, base)
     for x in (0.0, width):
         plan.wall_y(x, south, base)
     row_of_rooms(plan, rng, (0.0, width), south, 0.0)
-    count = max(2, int(width // (2 * side + _CORRIDOR + 1.0)))
+    count = max(2, int(width // (2 * side + corridor + 1.0)))
     doors: list[Door] = []
     for k in range(count):
         centre = (k + 0.5) * width / count
-        plan.add(wing, centre - _CORRIDOR / 2, base)
-        doors.append((centre, _CORRIDOR))
+        plan.add(wing, centre - corridor / 2, base)
+        doors.append((centre, corridor))
     # The first walls of a wing's rooms lie on the spine's wall, which is open at the wing's corridor only.
     plan.wall_x(base, 0.0, width, doors)
     return plan
@@ -86,16 +106,17 @@ def wings(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
 def symmetric(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """A block around a ring of corridors that a turn by 180 degrees takes to itself, furniture included."""
     width, height = _size(size, (30.0, 24.0), (16.0, 16.0), "a symmetric block")
-    depth = (height - 2 * _CORRIDOR) / 4
-    low, high = height - depth - _CORRIDOR, height - depth
+    corridor = float(rng.uniform(*_CORRIDOR))
+    depth = (height - 2 * corridor) / 4
+    low, high = height - depth - corridor, height - depth
     half = Floorplan(thickness)
     half.floor(0.0, low, width, high)
-    for x in ((0.0, _CORRIDOR), (width - _CORRIDOR, width)):
+    for x in ((0.0, corridor), (width - corridor, width)):
         half.floor(x[0], height / 2, x[1], low)
     for edge in (0.0, width):
         half.wall_y(edge, height / 2, height)
     row_of_rooms(half, rng, (0.0, width), high, height)
-    row_of_rooms(half, rng, (_CORRIDOR, width - _CORRIDOR), low, height / 2)
+    row_of_rooms(half, rng, (corridor, width - corridor), low, height / 2)
     plan = half.turned_copy(width / 2, height / 2)
     plan.add(half)
     return plan

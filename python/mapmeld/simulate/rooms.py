@@ -14,11 +14,13 @@ from mapmeld.simulate.floorplan import Door, Floorplan
 class RoomStyle:
     """How the rooms of a row vary. Lengths in metres, each a (smallest, largest) pair.
 
-    width: of a room along the row. door: width of a door. furnished: share of rooms with furniture.
+    width: of a room along the row. door: width of a door. door_at: where in its room's front a door is, 0..1;
+        None: anywhere. furnished: share of rooms with furniture.
     """
 
     width: tuple[float, float] = (3.0, 5.5)
     door: tuple[float, float] = (0.9, 1.1)
+    door_at: float | None = None
     furnished: float = 0.8
 
 
@@ -47,7 +49,8 @@ def row_of_rooms(
         # A room that is hardly wider than its door has it in the middle.
         centre = (left + right) / 2
         if right - left > 2 * slack:
-            centre = float(rng.uniform(left + slack, right - slack))
+            at = float(rng.random()) if style.door_at is None else style.door_at
+            centre = left + slack + at * (right - left - 2 * slack)
         doors.append((centre, width))
         if rng.random() < style.furnished:
             _furnish(plan, rng, (left, right), y_door, y_far)

@@ -35,6 +35,7 @@ def build_world(options: SimulateOptions) -> OccupancyGrid:
         return plan.rasterise(_MAZE_CELL, options.world)
     build: dict[str, Callable[..., Floorplan]] = {
         "office": buildings.office,
+        "cells": buildings.cells,
         "halls": buildings.halls,
         "wings": buildings.wings,
         "symmetric": buildings.symmetric,

@@ -189,9 +189,9 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 12] =
-            [-15.95, 0.251, -0.785, -0.347, -3.315, -1.278, 1.9, 1.233, 1.341, 4.366, -0.881, -1.865],
+            [-18.295, 0.132, -1.042, -0.335, -3.56, -1.799, 1.719, 1.567, 1.361, 3.221, 0.156, -1.933],
         /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
-        temperature: f64 = 6.0,
+        temperature: f64 = 2.0,
         /// Poses less probable than this are not followed.
         least_followed: f64 = 0.02,
     }

@@ -1,0 +1,84 @@
+//! An order of maps that depends on what they show alone, so that the answer does not depend on how they were
+//! given.
+
+use crate::grid::OccupancyGrid;
+use crate::registration::{pair, PairModes};
+use crate::result::{Known, Merge};
+
+/// Which map comes where: `order[k]` is the given index of the k-th.
+#[derive(Debug, Clone)]
+pub struct Canonical {
+    order: Vec<usize>,
+    place: Vec<usize>,
+}
+
+impl Canonical {
+    /// Sorts by size, resolution, origin and cells. Names do not count.
+    pub fn of(grids: &[OccupancyGrid]) -> Self {
+        let key = |k: usize| {
+            let g: &OccupancyGrid = &grids[k];
+            let numbers = [g.resolution(), g.origin().x, g.origin().y, g.origin().theta];
+            (g.height(), g.width(), numbers.map(f64::to_bits), g.cells())
+        };
+        let mut order: Vec<usize> = (0..grids.len()).collect();
+        order.sort_by(|a, b| key(*a).cmp(&key(*b)));
+        let mut place = vec![0; order.len()];
+        order.iter().enumerate().for_each(|(k, given)| place[*given] = k);
+        Self { order, place }
+    }
+
+    /// The maps in this order.
+    pub fn arranged(&self, grids: Vec<OccupancyGrid>) -> Vec<OccupancyGrid> {
+        let mut given: Vec<Option<OccupancyGrid>> = grids.into_iter().map(Some).collect();
+        self.order.iter().map(|k| given[*k].take().expect("every map comes once")).collect()
+    }
+
+    /// What is known, told of the maps in this order.
+    pub fn known(&self, known: &Known) -> Known {
+        Known {
+            order: known.order.as_ref().map(|o| o.iter().map(|m| self.place[*m]).collect()),
+            reference: known.reference.map(|m| self.place[m]),
+        }
+    }
+
+    /// A result of maps in this order, told of the maps as given.
+    pub fn restored(&self, merge: Merge) -> Merge {
+        let given = |m: usize| self.order[m];
+        let mut pairs: Vec<PairModes> = merge.pairs.into_iter().map(|p| self.pair(p)).collect();
+        pairs.sort_by_key(|p| (p.a, p.b));
+        Merge {
+            placements: self.place.iter().map(|k| merge.placements[*k].clone()).collect(),
+            components: merge
+                .components
+                .into_iter()
+                .map(|mut c| {
+                    c.reference = given(c.reference);
+                    c.order.iter_mut().for_each(|m| *m = given(*m));
+                    c
+                })
+                .collect(),
+            hypotheses: merge
+                .hypotheses
+                .into_iter()
+                .map(|mut h| {
+                    h.maps.iter_mut().for_each(|(m, _, _)| *m = given(*m));
+                    h
+                })
+                .collect(),
+            pairs,
+            seconds: merge.seconds,
+        }
+    }
+
+    /// A pair, its first map the one that was given first.
+    fn pair(&self, mut p: PairModes) -> PairModes {
+        (p.a, p.b) = (self.order[p.a], self.order[p.b]);
+        if p.a > p.b {
+            (p.a, p.b) = (p.b, p.a);
+            for m in &mut p.found.modes {
+                (m.t_a_b, m.covariance) = pair::inverse(m);
+            }
+        }
+        p
+    }
+}

@@ -1,0 +1,88 @@
+//! Maps that are bent: unbent where they belong together, and not made to fit where they do not.
+
+mod common;
+
+use common::office;
+use mapmeld_core::config::{Config, PerceptionConfig};
+use mapmeld_core::grid::OccupancyGrid;
+use mapmeld_core::local_map::LocalMap;
+use mapmeld_core::perception::bend::unbend;
+use mapmeld_core::perception::likelihood::{self, Placed};
+use mapmeld_core::se2::{Se2, Vec2};
+
+const CELL: f64 = 0.05;
+
+/// The office as a robot sees it whose odometry runs off sideways, by so many metres at the far end.
+fn office_off_by(most: f64) -> OccupancyGrid {
+    let (w, h) = ((19.0 / CELL) as usize, (11.0 / CELL) as usize);
+    let cells = (0..w * h)
+        .map(|k| {
+            let p = Vec2::new((k % w) as f64 + 0.5, (k / w) as f64 + 0.5) * CELL;
+            let p = p - Vec2::new(0.5, 0.5);
+            office().value(p - Vec2::new(0.0, most * (p.x / 18.0).powi(2)))
+        })
+        .collect();
+    OccupancyGrid::new("bent", w, h, CELL, Se2::new(-0.5, -0.5, 0.0), cells).unwrap()
+}
+
+fn rungs() -> (Config, Vec<PerceptionConfig>) {
+    let config = Config::default();
+    let rungs = config.perception.rungs();
+    (config, rungs)
+}
+
+#[test]
+fn the_walls_of_a_bent_map_are_found_where_it_is_unbent() {
+    let (config, rungs) = rungs();
+    let straight = LocalMap::new(office_off_by(0.0), &config);
+    let bent = LocalMap::new(office_off_by(0.5), &config);
+    let middle = Se2::new(0.0, -0.15, -0.02);
+    let p = &rungs[1];
+    let rigid = likelihood::pair(&straight, &bent, &middle, 1, p);
+    let unbent = likelihood::unbent_pair(&straight, &bent, &middle, p);
+    assert!(unbent.hits > rigid.hits && unbent.spread < 0.1 * rigid.spread, "{unbent:?}");
+    assert!(unbent.log_likelihood > rigid.log_likelihood + 10.0, "{rigid:?} {unbent:?}");
+    assert!(unbent.bending > 0.0 && unbent.conflicts < 0.1 * unbent.hits, "{unbent:?}");
+}
+
+#[test]
+fn a_straight_map_stays_as_it_is() {
+    let (config, rungs) = rungs();
+    let map = LocalMap::new(office_off_by(0.0), &config);
+    let others = [Placed { map: &map, t_world_map: Se2::IDENTITY, samples: None }];
+    for p in &rungs {
+        let samples = |k: usize| map.patches[k].samples.iter().map(|s| &map.samples[*s as usize]);
+        let found = unbend(&map, &Se2::IDENTITY, &others, samples, p);
+        assert_eq!(found.poses.len(), map.patches.len());
+        for (pose, patch) in found.poses.iter().zip(&map.patches) {
+            let moved = (pose.apply(patch.center) - patch.center).norm();
+            assert!(moved < 0.2 * CELL && pose.theta.abs() < 0.01, "{pose:?}");
+        }
+        assert!(found.cost < 0.5, "{}", found.cost);
+    }
+}
+
+#[test]
+fn bending_costs_more_the_stiffer_a_map_is() {
+    let (config, rungs) = rungs();
+    let straight = LocalMap::new(office_off_by(0.0), &config);
+    let bent = LocalMap::new(office_off_by(0.5), &config);
+    let cost = |p: &PerceptionConfig| likelihood::unbent_pair(&straight, &bent, &Se2::IDENTITY, p);
+    let stiff = PerceptionConfig { bend_shift: 0.1, bend_turn: 0.03, ..rungs[1].clone() };
+    let soft = PerceptionConfig { bend_shift: 0.4, bend_turn: 0.12, ..rungs[1].clone() };
+    assert!(cost(&stiff).bending > cost(&soft).bending, "{:?}", cost(&stiff));
+}
+
+#[test]
+fn patches_hold_all_samples_once_and_hold_on_to_others() {
+    let (config, _) = rungs();
+    let map = LocalMap::new(office_off_by(0.2), &config);
+    let mut seen: Vec<u32> = map.patches.iter().flat_map(|p| p.samples.clone()).collect();
+    seen.sort_unstable();
+    assert_eq!(seen, (0..map.samples.len() as u32).collect::<Vec<_>>());
+    assert!(map.patches.len() > 4);
+    for (k, p) in map.patches.iter().enumerate() {
+        assert_eq!(p.neighbours.len(), 4);
+        assert!(p.neighbours.iter().all(|(q, d)| *q as usize != k && *d >= 1.0));
+    }
+}

@@ -1,0 +1,64 @@
+//! Verdicts: what stands alone is merged, what stands in two places is ambiguous, the rest is neither.
+
+use mapmeld_core::config::EvidenceConfig;
+use mapmeld_core::perception::WallEvidence;
+use mapmeld_core::verdict::{probability, weigh, Background};
+
+fn evidence(log_likelihood: f64) -> WallEvidence {
+    WallEvidence {
+        log_likelihood,
+        hits: 0.55 * log_likelihood,
+        distinct_hits: 0.4 * log_likelihood,
+        spread: 0.1 * log_likelihood,
+        misses: 0.05 * log_likelihood,
+        shared_floor: 0.7 * log_likelihood,
+        shared_length: 0.4 * log_likelihood,
+        directions: [0.25 * log_likelihood, 0.0, 0.3 * log_likelihood],
+        ..WallEvidence::default()
+    }
+}
+
+fn background() -> Background {
+    Background { walls: 100.0, straight: 0.6, rung: 0, decoy: 8.0 }
+}
+
+#[test]
+fn one_good_pose_is_merged_two_are_ambiguous_none_is_neither() {
+    let config = EvidenceConfig::default();
+    let (good, poor) = (evidence(150.0), evidence(10.0));
+    let one = weigh(&[&good, &poor], &background(), &config);
+    assert!(one.is_carried && one.probabilities[0] >= config.min_probability, "{one:?}");
+    let two = weigh(&[&good, &good, &poor], &background(), &config);
+    assert!(two.is_carried, "{two:?}");
+    assert!(two.probabilities[0] < config.min_probability, "{two:?}");
+    assert!((two.probabilities[0] - two.probabilities[1]).abs() < 0.3, "{two:?}");
+    let none = weigh(&[&poor, &poor], &background(), &config);
+    assert!(!none.is_carried, "{none:?}");
+    let nothing = weigh(&[], &background(), &config);
+    assert!(!nothing.is_carried && nothing.probabilities.is_empty());
+}
+
+#[test]
+fn probabilities_of_poses_that_exclude_each_other_sum_to_one_at_most() {
+    let config = EvidenceConfig::default();
+    for tops in [[150.0, 149.0, 30.0], [90.0, 20.0, 19.0], [40.0, 39.0, 38.0], [5.0, 4.0, 3.0]] {
+        let all = tops.map(evidence);
+        let v = weigh(&all.iter().collect::<Vec<_>>(), &background(), &config);
+        let sum: f64 = v.probabilities.iter().sum();
+        assert!(sum <= 1.0 + 1e-9 && v.probabilities.iter().all(|p| (0.0..=1.0).contains(p)));
+        assert!(v.probabilities.windows(2).all(|w| w[0] >= w[1] - 1e-12), "{v:?}");
+    }
+}
+
+#[test]
+fn what_speaks_against_a_pose_lowers_its_probability() {
+    let config = EvidenceConfig::default();
+    let at = |e: &WallEvidence, chance: f64| probability(e, chance, &background(), &config);
+    let plain = evidence(60.0);
+    let p = at(&plain, 8.0);
+    assert!(at(&plain, 50.0) < p, "what chance reaches");
+    assert!(at(&WallEvidence { conflicts: 8.0, ..plain }, 8.0) < p, "walls in free space");
+    assert!(at(&WallEvidence { straight_conflicts: 4.0, conflicts: 4.0, ..plain }, 8.0) < p);
+    assert!(at(&WallEvidence { directions: [0.1, 0.0, 30.0], ..plain }, 8.0) < p, "one direction");
+    assert!(at(&WallEvidence { shared_floor: 2.0, ..plain }, 8.0) < p, "walls glued back to back");
+}

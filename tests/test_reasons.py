@@ -1,0 +1,62 @@
+"""Every map says why it stands where it stands, and with which numbers."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import mapmeld
+from mapmeld.grid import UNKNOWN, OccupancyGrid
+from mapmeld.result import MergeResult
+from rooms import building, hall
+
+
+@pytest.fixture(scope="module")
+def result() -> MergeResult:
+    blank = OccupancyGrid(np.full((20, 20), UNKNOWN, dtype=np.int8), 0.05, (0.0, 0.0, 0.0), "blank")
+    return mapmeld.merge([*building(), hall(), blank], seed=1)
+
+
+def test_merged_maps_name_what_holds_them(result: MergeResult) -> None:
+    merged = [m for m in result.maps if m.status == "merged"]
+    assert len(merged) >= 2
+    names = {m.name for m in merged}
+    for m in merged:
+        found = re.match(r"held by (\w+).*: probability ([0-9.]+), ([0-9.]+) m of wall in common", m.reason)
+        assert found, m.reason
+        assert found[1] in names - {m.name}
+        pair = next(p for p in result.pairs if {p.a, p.b} == {m.name, found[1]})
+        assert found[2] == f"{pair.probability:.2f}"
+        assert found[3] == f"{pair.modes[0].shared_length:.1f}"
+
+
+def test_others_say_what_is_lacking(result: MergeResult) -> None:
+    by_name = {m.name: m for m in result.maps}
+    assert by_name["hall"].status == "no evidence"
+    assert re.search(r"no (shared walls that suffice|wall of another map)", by_name["hall"].reason)
+    assert by_name["blank"].reason == "it holds no known cell, so it is placed nowhere"
+    assert mapmeld.merge([hall()]).maps[0].reason == "it is the only map"
+
+
+def test_a_room_that_a_half_turn_takes_to_itself_is_ambiguous() -> None:
+    """Two maps of one closed, bare rectangular room: a half turn fits as well."""
+    data = np.full((220, 300), UNKNOWN, dtype=np.int8)
+    data[10:210, 10:290] = 100
+    data[12:208, 12:288] = 0
+    data[90:130, 140:160] = 100
+    a = OccupancyGrid(data, 0.05, (0.0, 0.0, 0.0), "a")
+    b = OccupancyGrid(data.copy(), 0.05, (3.0, -2.0, 0.4), "b")
+    result = mapmeld.merge([a, b], seed=1)
+    statuses = [m.status for m in result.maps]
+    assert "ambiguous" in statuses, [(m.status, m.probability, m.reason) for m in result.maps]
+    assert len(result.merged_maps) == 2, "not guessed"
+    ambiguous = result.maps[statuses.index("ambiguous")]
+    assert "more than one place" in ambiguous.reason
+    assert len(result.hypotheses) >= 2
+    first, second = result.hypotheses[:2]
+    assert first.probability == pytest.approx(second.probability, abs=0.35)
+    assert first.probability < 0.8
+    turn = [next(m for m in h.maps if m.name == ambiguous.name).T_component_map[2] for h in (first, second)]
+    assert abs((turn[0] - turn[1] + np.pi) % (2 * np.pi) - np.pi) > 3.0

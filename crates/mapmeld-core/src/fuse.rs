@@ -1,7 +1,8 @@
 //! Placed maps into one grid.
 //!
 //! Free space is looked up from the output's cells, walls are also carried forward from the input's
-//! cells: a wall of one cell must not fall between the output's cell centres.
+//! cells: a wall of one cell must not fall between the output's cell centres. Where two maps show a wall within a
+//! cell of each other it is one wall, drawn where the map that comes first has it.
 
 use crate::config::{FuseConfig, FuseRule};
 use crate::error::{Error, Result};
@@ -21,7 +22,7 @@ const MAX_CELLS: f64 = 268_435_456.0;
 pub struct Fused {
     /// The map, in the component's frame: yaw 0, origin on whole multiples of the resolution.
     pub grid: OccupancyGrid,
-    /// Cells that one map shows occupied and another free.
+    /// Cells that one map shows occupied and another free, whose own walls are farther than a cell away.
     pub conflicts: usize,
     /// Cells that two maps or more know.
     pub shared: usize,
@@ -59,10 +60,12 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
     let lines = parallel::map(&rows, |row| {
         let mut line = Line { cells: vec![UNKNOWN; width], conflicts: 0, shared: 0 };
         let mut seen: Vec<Class> = Vec::with_capacity(placed.len());
+        let mut votes: Vec<(usize, Class)> = Vec::with_capacity(placed.len());
         let locators: Vec<_> = placed.iter().map(|(g, t)| g.locator_from(&t.inverse())).collect();
         for col in 0..width {
             let p = frame.cell_center(*row, col);
             seen.clear();
+            votes.clear();
             for (k, (g, _)) in placed.iter().enumerate() {
                 let class = if walls[k].contains(row * width + col) {
                     Class::Occupied
@@ -71,10 +74,20 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
                 };
                 if class != Class::Unknown {
                     seen.push(class);
+                    votes.push((k, class));
                 }
             }
+            if seen.contains(&Class::Occupied) && seen.contains(&Class::Free) {
+                make_one(&mut votes, |k| walls[k].is_beside(*row, col, width, height));
+            }
+            if config.rule == FuseRule::LogOdds {
+                seen.clear();
+                seen.extend(votes.iter().map(|(_, class)| *class));
+            }
+            let disputed = votes.iter().any(|(_, c)| *c == Class::Occupied)
+                && votes.iter().any(|(_, c)| *c == Class::Free);
             let occupied = seen.iter().filter(|c| **c == Class::Occupied).count();
-            line.conflicts += usize::from(occupied > 0 && occupied < seen.len());
+            line.conflicts += usize::from(disputed);
             line.shared += usize::from(seen.len() > 1);
             line.cells[col] = combine(&seen, occupied, config.rule);
         }
@@ -89,6 +102,28 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
     }
     let grid = OccupancyGrid::new(name, width, height, resolution, origin, cells)?;
     Ok(Fused { grid, conflicts, shared })
+}
+
+/// Makes one of walls that lie within a cell of each other. A wall is drawn by the first map that shows it: a
+/// later map gives up its own cell where an earlier one has the same wall next to it, and takes the earlier one's.
+/// `is_beside` tells whether a map has a wall beside the cell.
+fn make_one(votes: &mut [(usize, Class)], is_beside: impl Fn(usize) -> bool) {
+    for k in 1..votes.len() {
+        let (earlier, rest) = votes.split_at_mut(k);
+        let (map, class) = &mut rest[0];
+        let first_says = |c: Class| earlier.iter().any(|(_, e)| *e == c);
+        match class {
+            Class::Occupied => {
+                if earlier.iter().any(|(j, e)| *e == Class::Free && is_beside(*j)) {
+                    *class = Class::Free;
+                }
+            }
+            Class::Free if first_says(Class::Occupied) && is_beside(*map) => {
+                *class = Class::Occupied;
+            }
+            _ => {}
+        }
+    }
 }
 
 struct Line {
@@ -123,6 +158,17 @@ impl WallCells {
     #[inline(always)]
     fn contains(&self, index: usize) -> bool {
         self.0[index / 64] >> (index % 64) & 1 == 1
+    }
+
+    /// Whether a wall runs beside the cell: one of the eight cells around is a wall. A gap between two opposite
+    /// ones is not beside a wall but in it.
+    fn is_beside(&self, row: usize, col: usize, width: usize, height: usize) -> bool {
+        let is_wall = |dr: isize, dc: isize| {
+            let (r, c) = (row.wrapping_add_signed(dr), col.wrapping_add_signed(dc));
+            r < height && c < width && self.contains(r * width + c)
+        };
+        let half = [(0, 1), (1, 1), (1, 0), (1, -1)].map(|(r, c)| (is_wall(r, c), is_wall(-r, -c)));
+        half.iter().any(|(a, b)| *a || *b) && !half.iter().any(|(a, b)| *a && *b)
     }
 }
 

@@ -20,7 +20,7 @@ fn at(fused: &Fused, x: f64, y: f64) -> i8 {
     fused.grid.locator().index(Vec2::new(x, y)).map_or(UNKNOWN, |k| fused.grid.cells()[k])
 }
 
-/// Five cells side by side, each map with its own view of them: F free, O occupied, . unknown.
+/// Cells far from each other, each map with its own view of them: F free, O occupied, . unknown.
 fn views(maps: &[&str], config: &FuseConfig) -> (String, Fused) {
     let grids: Vec<OccupancyGrid> = maps
         .iter()
@@ -30,17 +30,60 @@ fn views(maps: &[&str], config: &FuseConfig) -> (String, Fused) {
                 'O' => 100,
                 _ => UNKNOWN,
             };
-            grid(m.len(), 0.5, Se2::IDENTITY, m.chars().map(value).collect())
+            let cells = m.chars().flat_map(|c| [UNKNOWN, value(c), UNKNOWN]).collect();
+            grid(3 * m.len(), 0.5, Se2::IDENTITY, cells)
         })
         .collect();
     let placed: Vec<_> = grids.iter().map(|g| (g, Se2::IDENTITY)).collect();
     let fused = fuse("m", &placed, config).unwrap();
-    let letter = |k: usize| match class_of(at(&fused, 0.5 * k as f64 + 0.25, 0.25)) {
+    let letter = |k: usize| match class_of(at(&fused, 0.5 * (3 * k + 1) as f64 + 0.25, 0.25)) {
         Class::Free => 'F',
         Class::Occupied => 'O',
         Class::Unknown => '.',
     };
     ((0..maps[0].len()).map(letter).collect(), fused)
+}
+
+/// The middle row of maps of columns of walls, fused by log-odds.
+fn columns(maps: &[&str]) -> (String, Fused) {
+    let grids: Vec<OccupancyGrid> = maps
+        .iter()
+        .map(|m| {
+            let row = || m.chars().map(|c| if c == 'O' { 100 } else { 0 });
+            let cells = (0..3).flat_map(|_| row().collect::<Vec<i8>>()).collect();
+            grid(m.len(), 0.5, Se2::IDENTITY, cells)
+        })
+        .collect();
+    let placed: Vec<_> = grids.iter().map(|g| (g, Se2::IDENTITY)).collect();
+    let fused = fuse("m", &placed, &FuseConfig::default()).unwrap();
+    let letter = |k: usize| if at(&fused, 0.5 * k as f64 + 0.25, 0.75) == 100 { 'O' } else { 'F' };
+    ((0..maps[0].len()).map(letter).collect(), fused)
+}
+
+#[test]
+fn walls_within_a_cell_of_each_other_are_one() {
+    let (row, fused) = columns(&["FFOFFFF", "FFFOFFF"]);
+    assert_eq!((row.as_str(), fused.conflicts), ("FFOFFFF", 0), "where the first has it");
+    let (row, fused) = columns(&["FFOFFFF", "FFFOFFF", "FOFFFFF"]);
+    assert_eq!((row.as_str(), fused.conflicts), ("FFOFFFF", 0));
+    // Two cells apart they are two walls, and each is disputed.
+    let (row, fused) = columns(&["FFOFFFF", "FFFFOFF"]);
+    assert_eq!((row.as_str(), fused.conflicts), ("FFOFOFF", 6));
+    // A wall that one map alone shows stays, and so do the two sides of a thick one.
+    assert_eq!(columns(&["FFOOFFF", "FFOOFFF"]).0, "FFOOFFF");
+}
+
+#[test]
+fn a_gap_in_a_wall_is_closed_by_a_map_that_has_none() {
+    let wall = |gap: Option<usize>| {
+        let cells =
+            (0..35).map(|k| if k / 7 == 2 && Some(k % 7) != gap { 100 } else { 0 }).collect();
+        grid(7, 0.5, Se2::IDENTITY, cells)
+    };
+    let (broken, whole) = (wall(Some(3)), wall(None));
+    let placed = [(&broken, Se2::IDENTITY), (&whole, Se2::IDENTITY)];
+    let fused = fuse("m", &placed, &FuseConfig::default()).unwrap();
+    assert!((0..7).all(|k| at(&fused, 0.5 * k as f64 + 0.25, 1.25) == 100));
 }
 
 #[test]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
@@ -104,3 +105,37 @@ def test_exponents_are_those_of_powers(monkeypatch: pytest.MonkeyPatch) -> None:
     assert error > 0.0
     # Without a spread there is no slope to tell.
     assert math.isnan(complexity.fit([5, 5, 5], [1.0, 2.0, 3.0])[0])
+
+
+def test_trust(tmp_path: Path) -> None:
+    text = run("trust.py", "--quick", "--jobs", "1", "--cache", str(tmp_path / "cache"), shared=tmp_path)
+    goals = {row["figure"]: row for table in tables(text) for row in table if "verdict" in row}
+    strangers = goals["unrelated pairs: merged"]
+    assert (strangers["measured"], strangers["verdict"]) == ("0 of 4", "met")
+    assert "No recorded case was found" in text
+
+
+def test_the_fit_finds_the_weights_it_was_made_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import calibrate
+
+    rng = np.random.default_rng(1)
+    true = np.array([0.5, 2.0, -1.0, 0.0])
+    features = rng.normal(size=(20_000, 3)) * [1.0, 3.0, 0.5] + [0.0, 1.0, -2.0]
+    right = rng.random(20_000) < calibrate.predict(true, features)
+    assert calibrate.fit(features, right) == pytest.approx(true, abs=0.12)
+
+
+def test_what_is_left_out_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two buildings whose features mean the opposite: each is judged by the other's."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import calibrate
+
+    rows = [
+        {"features": [sign * value], "right": value > 0, "buildings": [name], "group": name}
+        for name, sign in (("plus", 1.0), ("minus", -1.0))
+        for value in np.linspace(-3, 3, 40).tolist()
+    ]
+    p = calibrate.left_out(rows)
+    right = np.array([r["right"] for r in rows])
+    assert ((p > 0.5) != right).mean() > 0.9

@@ -50,13 +50,19 @@ def test_a_room_that_a_half_turn_takes_to_itself_is_ambiguous() -> None:
     b = OccupancyGrid(data.copy(), 0.05, (3.0, -2.0, 0.4), "b")
     result = mapmeld.merge([a, b], seed=1)
     statuses = [m.status for m in result.maps]
-    assert "ambiguous" in statuses, [(m.status, m.probability, m.reason) for m in result.maps]
+    told = [(m.status, m.probability, m.reason) for m in result.maps]
+    assert statuses == ["ambiguous", "ambiguous"], told
     assert len(result.merged_maps) == 2, "not guessed"
-    ambiguous = result.maps[statuses.index("ambiguous")]
-    assert "more than one place" in ambiguous.reason
+    order = [m.name for m in result.hypotheses[0].maps]
+    ambiguous = next(m for m in result.maps if m.name == order[-1])
+    assert "its place is not sure" in ambiguous.reason
+    assert all(0.2 < m.probability < 0.8 for m in result.maps), told
     assert len(result.hypotheses) >= 2
     first, second = result.hypotheses[:2]
     assert first.probability == pytest.approx(second.probability, abs=0.35)
     assert first.probability < 0.8
+    assert 0.7 < sum(h.probability for h in result.hypotheses) <= 1.0
+    for h in result.hypotheses:
+        assert sorted(m.name for m in h.maps) == ["a", "b"], "each once"
     turn = [next(m for m in h.maps if m.name == ambiguous.name).T_component_map[2] for h in (first, second)]
     assert abs((turn[0] - turn[1] + np.pi) % (2 * np.pi) - np.pi) > 3.0

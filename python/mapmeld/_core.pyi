@@ -115,6 +115,7 @@ class _Pair(TypedDict):
 class _Merge(TypedDict):
     maps: list[_Placement]
     components: list[_Component]
+    probability: float
     hypotheses: list[_Hypothesis]
     pairs: list[_Pair]
     seconds: dict[str, float]

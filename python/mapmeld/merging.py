@@ -195,6 +195,7 @@ def _result(
         hypotheses=hypotheses,
         pairs=pairs,
         components=tuple(components),
+        probability=_share(found["probability"]),
         seconds=seconds,
         config=options,
         version=_core.__version__,

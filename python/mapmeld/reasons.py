@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mapmeld.result import Hypothesis, Pair
 
 _LITTLE_WALL_M = 3.0
@@ -13,6 +16,8 @@ _FEW_IN_SECOND_DIRECTION = 0.1
 """Share of the hits in the weaker direction below which the walls are said to run one way only."""
 _MANY_CONFLICTS = 0.05
 """Share of contradicting walls above which they are said to contradict."""
+_SAME_PLACE = (1.0, 0.1)
+"""Metres and radians within which two poses are said to be one place."""
 
 
 def reason(
@@ -28,11 +33,9 @@ def reason(
     if status == "merged":
         return _merged(name, [p for p in own if _other(p, name) in others])
     if status == "ambiguous":
-        places = [(h, next(m for m in h.maps if m.name == name)) for h in hypotheses if _holds(h, name)]
-        shares = ", ".join(f"{h.probability:.2f}" for h, _ in places[:3])
-        return (
-            f"it belongs to other maps, but fits in more than one place: {len(places)} hypotheses ({shares})"
-        )
+        shares = ", ".join(f"{p:.2f}" for p in _places(name, hypotheses)[:3])
+        likeliest = f"the likeliest ones have {shares or 'little'}"
+        return f"it belongs to other maps, but its place is not sure: {likeliest}"
     if not own:
         return "no wall of another map fits any of its walls" if pairs else "it is the only map"
     best = max(own, key=lambda p: p.probability)
@@ -64,8 +67,8 @@ def _lacking(pair: Pair) -> str:
         return f", {share:.0f} % of it amid free space of the other"
     if mode.second_direction < _FEW_IN_SECOND_DIRECTION * mode.hits:
         return ", nearly all in one direction"
-    if len(pair.modes) > 1 and pair.modes[1].log_likelihood > 0.5 * mode.log_likelihood:
-        chance = max(chance, pair.modes[1].log_likelihood)
+    rivals = [m.log_likelihood for m in pair.modes if not _same_place(m.T_a_b, mode.T_a_b)]
+    chance = max([chance, *rivals])
     if mode.log_likelihood > 0 and chance > 0.5 * mode.log_likelihood:
         return f", and chance explains {math.floor(min(100 * chance / mode.log_likelihood, 100))} % of it"
     return ""
@@ -75,5 +78,22 @@ def _other(pair: Pair, name: str) -> str:
     return pair.b if pair.a == name else pair.a
 
 
-def _holds(hypothesis: Hypothesis, name: str) -> bool:
-    return any(m.name == name for m in hypothesis.maps)
+def _places(name: str, hypotheses: Sequence[Hypothesis]) -> list[float]:
+    """Probabilities of the places of a map, the likeliest first."""
+    found: list[tuple[NDArray[np.float64], float]] = []
+    for h in hypotheses:
+        for m in h.maps:
+            if m.name != name:
+                continue
+            T = m.T_component_map
+            at = next((k for k, (known, _) in enumerate(found) if _same_place(T, known)), None)
+            if at is None:
+                found.append((T, h.probability))
+            else:
+                found[at] = (found[at][0], found[at][1] + h.probability)
+    return sorted((p for _, p in found), reverse=True)
+
+
+def _same_place(T: NDArray[np.float64], U: NDArray[np.float64]) -> bool:
+    turn = abs((T[2] - U[2] + math.pi) % (2 * math.pi) - math.pi)
+    return bool(math.hypot(T[0] - U[0], T[1] - U[1]) <= _SAME_PLACE[0] and turn <= _SAME_PLACE[1])

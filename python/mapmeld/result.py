@@ -117,7 +117,8 @@ class Component:
     rms_m: root mean square of the walls' residuals after the joint refinement, metres; None for a single
         map.
     merged: the fused map, None when the component is one blank map. shared_cells: cells that more than one
-        map knows; conflict_cells: those that one of them shows occupied and another free.
+        map knows; conflict_cells: those that one of them shows occupied and another, whose own
+        walls are farther than a cell away, free.
     """
 
     reference: str
@@ -133,15 +134,17 @@ class MergeResult:
     """All that a merge found.
 
     maps: in the order given. order: that of the largest component, empty when all maps are blank.
-    hypotheses: most probable first. pairs: every pair of maps. components: those of most maps first, blank
-        maps last, one by one. seconds: wall time by stage. config: all options in effect. version: of
-        Mapmeld.
+    probability: that all of `maps` is right, 0..1. hypotheses: most probable first. pairs: every pair of
+        maps.
+    components: those of most maps first, blank maps last, one by one.
+    seconds: wall time by stage. config: all options in effect. version: of Mapmeld.
     """
 
     maps: tuple[PlacedMap, ...]
     hypotheses: tuple[Hypothesis, ...]
     pairs: tuple[Pair, ...]
     components: tuple[Component, ...]
+    probability: float
     seconds: Mapping[str, float]
     config: Mapping[str, Any]
     version: str
@@ -156,11 +159,6 @@ class MergeResult:
     def seed(self) -> int:
         """Seed of every random draw."""
         return int(self.config["seed"])
-
-    @property
-    def probability(self) -> float:
-        """Probability of the arrangement that `maps` tells, 0..1: that of the first hypothesis."""
-        return self.hypotheses[0].probability
 
     @property
     def merged(self) -> OccupancyGrid | None:

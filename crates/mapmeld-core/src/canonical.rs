@@ -65,6 +65,7 @@ impl Canonical {
                     h
                 })
                 .collect(),
+            probability: merge.probability,
             pairs,
             seconds: merge.seconds,
         }

@@ -57,8 +57,11 @@ impl Cluster {
         config: &Config,
     ) -> Vec<Cluster> {
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability);
+        // What lies alone where all others were split off is as unsure as they are.
+        let next = parts.get(1).map(|(_, share)| *share);
         let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
+            let alone = members.len() == 1;
             let refined = refine::refine(maps, &members, &poses, 0, config);
             Cluster {
                 reference: members[0],
@@ -68,7 +71,7 @@ impl Cluster {
                 rms: refined.rms,
                 worlds,
                 stories: if k == 0 { stories.clone() } else { Vec::new() },
-                elsewhere: (k > 0).then_some(share),
+                elsewhere: if k > 0 { Some(share) } else { next.filter(|_| alone) },
                 steps: if k == 0 { steps.clone() } else { Vec::new() },
             }
         });
@@ -149,7 +152,11 @@ impl Cluster {
                 let mut inner = clusters[*k].worlds.clone();
                 inner[0].poses =
                     clusters[*k].members.iter().copied().zip(clusters[*k].poses.clone()).collect();
-                let inner = if i == 0 { &inner[..] } else { &inner[..1] };
+                if i > 0 {
+                    // Around other arrangements of the clusters their inner ones do not matter.
+                    inner.truncate(1);
+                    inner[0].probability = 1.0;
+                }
                 of_world = of_world
                     .iter()
                     .flat_map(|a| inner.iter().map(|b| a.with(b, t, *certainty)))

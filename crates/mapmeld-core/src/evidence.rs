@@ -39,7 +39,8 @@ impl Status {
 pub struct World {
     /// Maps and `T_component_map` in merge order, the reference first.
     pub poses: Vec<(usize, Se2)>,
-    /// Probability of each pose, given those before it; one for the reference.
+    /// Probability that each map lies at one of the places that some world has it at, given those before it;
+    /// one for the reference. Which of them is told by the worlds' shares.
     pub certainties: Vec<f64>,
     /// Share of the particles' weight.
     pub probability: f64,
@@ -57,7 +58,7 @@ impl World {
     }
 
     /// Probability that all of it is right.
-    fn certainty(&self) -> f64 {
+    pub fn certainty(&self) -> f64 {
         self.probability * self.certainties.iter().product::<f64>()
     }
 
@@ -70,10 +71,14 @@ impl World {
     fn restricted(&self, members: &[usize]) -> Option<World> {
         let t_lead_world = self.pose(members[0])?.inverse();
         let kept = self.poses.iter().zip(&self.certainties);
-        let (poses, mut certainties): (Vec<_>, Vec<f64>) = kept
+        let (mut poses, mut certainties): (Vec<_>, Vec<f64>) = kept
             .filter(|((m, _), _)| members.contains(m))
             .map(|((m, x), c)| ((*m, t_lead_world.compose(x)), *c))
             .unzip();
+        // The lead comes first, in whatever order this world was made.
+        let lead = poses.iter().position(|(m, _)| *m == members[0])?;
+        poses[..=lead].rotate_right(1);
+        certainties[..=lead].rotate_right(1);
         certainties[0] = 1.0;
         Some(World { poses, certainties, probability: self.probability })
     }
@@ -127,26 +132,46 @@ fn is_same_world(maps: &[LocalMap], a: &[(usize, Se2)], b: &[(usize, Se2)]) -> b
 /// its first map's place had.
 pub fn parts(maps: &[LocalMap], worlds: &[World], least: f64) -> Vec<(Vec<World>, f64)> {
     let first = &worlds[0];
-    // Share of the worlds that put a map where the first does, as seen from another map.
-    let agreement = |lead: usize, map: usize| -> f64 {
-        let center = maps[map].center.unwrap_or_default();
+    // Whether a world puts a map where the first does, as seen from another map; none where it lacks one.
+    let agrees = |w: &World, lead: usize, map: usize| -> Option<bool> {
         let seen = |w: &World| Some(w.pose(lead)?.between(&w.pose(map)?));
-        let here = seen(first).expect("the first world places both");
-        let (distance, angle) = SAME_WORLD;
-        let elsewhere = worlds
-            .iter()
-            .filter(|w| seen(w).is_some_and(|x| !x.is_close_at(&here, center, distance, angle)));
-        1.0 - elsewhere.map(|w| w.probability).sum::<f64>()
+        let (here, there) = (seen(first)?, seen(w)?);
+        let center = maps[map].center.unwrap_or_default();
+        Some(there.is_close_at(&here, center, SAME_WORLD.0, SAME_WORLD.1))
+    };
+    let total: f64 = worlds.iter().map(|w| w.probability).sum();
+    let weight = |f: &dyn Fn(&World) -> bool| -> f64 {
+        worlds.iter().filter(|w| f(w)).map(|w| w.probability).sum::<f64>()
+    };
+    // Worlds without the map do not contradict its place.
+    let agreement = |lead: usize, map: usize| -> f64 {
+        1.0 - weight(&|w| agrees(w, lead, map) == Some(false)) / total
+    };
+    // A map that another one holds, which was split off, goes where that one goes: it must be seen to stay
+    // where that one does not.
+    let holds_without = |lead: usize, other: usize, map: usize| -> bool {
+        let moved = weight(&|w| agrees(w, lead, other) == Some(false));
+        let stays = weight(&|w| {
+            agrees(w, lead, other) == Some(false) && agrees(w, lead, map) == Some(true)
+        });
+        moved > 0.0 && stays >= least * moved
     };
     let mut groups: Vec<(Vec<usize>, f64)> = Vec::new();
     for ((map, _), certainty) in first.poses.iter().zip(&first.certainties) {
-        let sure = |g: &(Vec<usize>, f64)| certainty.min(agreement(g.0[0], *map)) >= least;
-        match groups.iter().position(sure) {
+        let sure = |g: &(Vec<usize>, f64)| {
+            let lead = g.0[0];
+            certainty * agreement(lead, *map) >= least
+                && groups.iter().all(|h| h.0[0] == lead || holds_without(lead, h.0[0], *map))
+        };
+        // Of a map that no group holds by itself, the last that it is sure to lie to takes care.
+        let near = |g: &(Vec<usize>, f64)| certainty * agreement(g.0[0], *map) >= least;
+        let found = groups.iter().position(sure).or_else(|| groups.iter().rposition(near));
+        match found {
             Some(k) => groups[k].0.push(*map),
             None => {
                 let reference = groups.first().map(|g| g.0[0]);
-                groups
-                    .push((vec![*map], reference.map_or(1.0, |r| agreement(r, *map) * certainty)));
+                let share = reference.map_or(1.0, |r| agreement(r, *map) * certainty);
+                groups.push((vec![*map], share));
             }
         }
     }
@@ -158,6 +183,7 @@ pub fn parts(maps: &[LocalMap], worlds: &[World], least: f64) -> Vec<(Vec<World>
                 None => own.push(w),
             }
         }
+        own[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
         (own, share)
     };
     groups.into_iter().map(of_group).collect()
@@ -212,7 +238,10 @@ pub fn hypotheses(clusters: &[Cluster]) -> Vec<Hypothesis> {
         for h in &out {
             for w in c.stories.iter().take(MAX_HYPOTHESES) {
                 let mut maps = h.maps.clone();
-                maps.extend(w.poses.iter().map(|(m, t)| (*m, component, *t)));
+                // Stories of two components may both tell of a map that was split off.
+                let told = |m: usize| h.maps.iter().any(|(k, _, _)| *k == m);
+                let new = w.poses.iter().filter(|(m, _)| !told(*m));
+                maps.extend(new.map(|(m, t)| (*m, component, *t)));
                 next.push(Hypothesis { probability: h.probability * w.certainty(), maps });
             }
         }

@@ -28,7 +28,8 @@ pub struct Fused {
     pub shared: usize,
 }
 
-/// Fuses grids placed at `T_world_map`; order matters for [`FuseRule::Latest`] only.
+/// Fuses grids placed at `T_world_map`, in their order: by log-odds the first draws a wall that several show
+/// within a cell of each other, by [`FuseRule::Latest`] the last decides.
 pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -> Result<Fused> {
     let finest = placed.iter().map(|(g, _)| g.resolution()).fold(f64::INFINITY, f64::min);
     let resolution = config.resolution.unwrap_or(finest);

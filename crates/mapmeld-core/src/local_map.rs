@@ -101,7 +101,7 @@ const MAX_FLOOR: usize = 400;
 const PATCH_SAMPLES: usize = 40;
 /// Extent below which a patch is not split, metres.
 const PATCH_SIZE: f64 = 4.0;
-/// Patches that each patch holds on to.
+/// Nearest patches that each patch holds on to; they hold on to it as well.
 const NEIGHBOURS: usize = 4;
 /// Largest number of boundary points that the likelihood field can index.
 const MAX_BOUNDARY: usize = 65_000;
@@ -233,12 +233,16 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
         todo.extend([some, half]);
     }
     let centers: Vec<Vec2> = done.iter().map(|p: &Patch| p.center).collect();
-    for (k, patch) in done.iter_mut().enumerate() {
+    let mut edges = std::collections::BTreeSet::new();
+    for k in 0..centers.len() {
         let far = |q: usize| (centers[q] - centers[k]).norm();
         let mut others: Vec<usize> = (0..centers.len()).filter(|q| *q != k).collect();
         others.sort_by(|x, y| far(*x).total_cmp(&far(*y)).then(x.cmp(y)));
-        others.truncate(NEIGHBOURS);
-        patch.neighbours = others.into_iter().map(|q| (q as u32, far(q).max(1.0))).collect();
+        edges.extend(others.iter().take(NEIGHBOURS).flat_map(|q| [(k, *q), (*q, k)]));
+    }
+    for (k, q) in edges {
+        let far = (centers[q] - centers[k]).norm().max(1.0);
+        done[k].neighbours.push((q as u32, far));
     }
     done
 }

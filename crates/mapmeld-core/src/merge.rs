@@ -76,6 +76,7 @@ fn run(
         clusters = joined;
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
+    tell_all(&mut clusters);
     // A named reference lends its frame; where the robot starts is for the evidence to say.
     if let Some(r) = known.reference {
         clusters.iter_mut().filter(|c| c.members.contains(&r)).for_each(|c| {
@@ -97,8 +98,10 @@ fn run(
     }
     let placements = evidence::placements(&maps, &clusters);
     let hypotheses = evidence::hypotheses(&clusters);
+    let probability = clusters.iter().map(|c| c.worlds[0].certainty()).product();
     clock.lap("fuse");
-    Ok(Merge { placements, components, hypotheses, pairs: pairs.into_pairs(), seconds: clock.laps })
+    let (pairs, seconds) = (pairs.into_pairs(), clock.laps);
+    Ok(Merge { placements, components, probability, hypotheses, pairs, seconds })
 }
 
 /// Registers every pair, each hinted at some transforms.
@@ -153,6 +156,18 @@ fn travel(
         travelled.push((worlds, steps));
     }
     Ok(travelled)
+}
+
+/// Clusters whose story went with one that has joined another tell their own.
+fn tell_all(clusters: &mut [Cluster]) {
+    let told: Vec<usize> = clusters
+        .iter()
+        .flat_map(|c| &c.stories)
+        .flat_map(|w| w.poses.iter().map(|(m, _)| *m))
+        .collect();
+    for c in clusters.iter_mut().filter(|c| c.members.iter().any(|m| !told.contains(m))) {
+        c.stories = c.worlds.clone();
+    }
 }
 
 /// One travel with the clusters as maps; none when no two of them join.

@@ -53,6 +53,8 @@ pub struct Merge {
     pub placements: Vec<Placement>,
     /// Components, those of most maps first.
     pub components: Vec<Component>,
+    /// Probability that all of these placements are right.
+    pub probability: f64,
     /// Whole worlds that fit, most probable first.
     pub hypotheses: Vec<Hypothesis>,
     /// Registration of every pair.

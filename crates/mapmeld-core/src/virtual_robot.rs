@@ -67,6 +67,9 @@ impl PairTable {
     }
 }
 
+/// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
+const NOISE: (f64, f64) = (0.2, 0.04);
+
 /// A possible next pose of the virtual robot.
 #[derive(Debug, Clone)]
 pub struct NextPose {
@@ -80,6 +83,8 @@ pub struct NextPose {
     pub evidence: WallEvidence,
     /// Probability that the pose is right, given what is merged so far.
     pub probability: f64,
+    /// Probability that one of the poses of this map that are followed is.
+    pub any: f64,
     psi: f64,
     gamma: f64,
 }
@@ -203,22 +208,19 @@ impl VirtualRobot<'_> {
             return Vec::new();
         }
         let followed = seen.into_iter().zip(verdict.probabilities);
-        followed
-            .filter(|(_, probability)| *probability >= c.least_followed)
-            .map(|((x, covariance, e), probability)| {
-                self.pose(merged, map, x, covariance, e, probability)
-            })
-            .collect()
+        let followed: Vec<_> = followed.filter(|(_, p)| *p >= c.least_followed).collect();
+        let any: f64 = followed.iter().map(|(_, p)| p).sum();
+        let pose = |((x, covariance, e), p)| self.pose(merged, map, (x, covariance), e, (p, any));
+        followed.into_iter().map(pose).collect()
     }
 
     fn pose(
         &self,
         merged: &Overlay,
         map: usize,
-        x: Se2,
-        covariance: Matrix3<f64>,
+        (x, covariance): (Se2, Matrix3<f64>),
         evidence: WallEvidence,
-        probability: f64,
+        (probability, any): (f64, f64),
     ) -> NextPose {
         let p = &self.config.perception;
         let (psi, gamma) = match p.model {
@@ -228,13 +230,13 @@ impl VirtualRobot<'_> {
                 (psi::psi(&c, p.classes), gamma::gamma(&c))
             }
         };
-        NextPose { map, t_world_map: x, covariance, evidence, probability, psi, gamma }
+        NextPose { map, t_world_map: x, covariance, evidence, probability, any, psi, gamma }
     }
 }
 
-fn log_odds(probability: f64) -> f64 {
-    let p = probability.clamp(1e-12, 1.0 - 1e-12);
-    (p / (1.0 - p)).ln()
+/// Odds of a pose against the map lying at none of those followed.
+fn log_odds(pose: &NextPose) -> f64 {
+    pose.probability.max(1e-12).ln() - (1.0 - pose.any).max(1e-12).ln()
 }
 
 impl Model for VirtualRobot<'_> {
@@ -281,7 +283,7 @@ impl Model for VirtualRobot<'_> {
         match self.config.perception.model {
             PerceptionModel::OrientedWalls => pool
                 .iter()
-                .map(|modes| modes.iter().map(|m| LogWeight(log_odds(m.probability))).collect())
+                .map(|modes| modes.iter().map(|m| LogWeight(log_odds(m))).collect())
                 .collect(),
             PerceptionModel::PsiGamma => {
                 // p(z_t | m_t-1, x_j) proportional to Psi~_j gamma~_j over the pool of all particles.
@@ -325,7 +327,7 @@ impl Model for VirtualRobot<'_> {
             .and_then(|c| c.cholesky())
             .map_or_else(Matrix3::zeros, |c| c.l());
         let t_world_map = mode.t_world_map.perturbed(&(spread * noise));
-        self.fold(merged, mode.map, t_world_map, mode.probability)
+        self.fold(merged, mode.map, t_world_map, mode.any)
     }
 
     /// Particles that tell the same story, in whatever order, differ by the noise of their draws alone. The
@@ -336,7 +338,7 @@ impl Model for VirtualRobot<'_> {
                 && a.layers().all(|x| {
                     let center = self.maps[x.map].center.unwrap_or_default();
                     b.layers().any(|y| {
-                        let (distance, angle) = SAME_WORLD;
+                        let (distance, angle) = NOISE;
                         x.map == y.map
                             && x.t_world_map.is_close_at(&y.t_world_map, center, distance, angle)
                     })

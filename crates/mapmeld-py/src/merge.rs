@@ -111,6 +111,7 @@ fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
     }
     out.set_item("components", components)?;
 
+    out.set_item("probability", m.probability)?;
     let hypotheses = PyList::empty(py);
     for h in &m.hypotheses {
         let d = PyDict::new(py);

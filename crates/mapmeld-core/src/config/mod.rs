@@ -189,7 +189,7 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 12] =
-            [-18.295, 0.132, -1.042, -0.335, -3.56, -1.799, 1.719, 1.567, 1.361, 3.221, 0.156, -1.933],
+            [-17.291, 0.138, -1.018, -0.347, -3.576, -1.572, 1.772, 1.509, 1.348, 2.663, -0.008, -1.425],
         /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
         temperature: f64 = 2.0,
         /// Poses less probable than this are not followed.

@@ -51,12 +51,12 @@ pub struct Unbent {
 }
 
 /// Moves the patches of a placed map to where they fit the others; `samples` tells the samples of a patch that
-/// are asked.
+/// are asked, each of which stands for `step`.
 pub fn unbend<'s, I: Iterator<Item = &'s WallSample>>(
     from: &LocalMap,
     rigid: &Se2,
     others: &[Placed],
-    samples: impl Fn(usize) -> I,
+    (samples, step): (impl Fn(usize) -> I, usize),
     config: &PerceptionConfig,
 ) -> Unbent {
     let maps = || others.iter().map(|o| o.map).chain([from]);
@@ -64,7 +64,7 @@ pub fn unbend<'s, I: Iterator<Item = &'s WallSample>>(
     let reach = maps().map(LocalMap::reach).fold(f64::INFINITY, f64::min);
     let finest = config.wall_sigma.max(resolution);
     // Neighbouring samples are correlated.
-    let discount = from.spacing / config.correlation_length / (finest * finest);
+    let discount = step as f64 * from.spacing / config.correlation_length / (finest * finest);
     let to_world: Vec<_> = others.iter().map(|o| o.t_world_map.to_rigid()).collect();
     let motion = |c: Vec2| Motion { center: rigid.apply(c), shift: Vec2::zeros(), turn: 0.0 };
     let mut motions: Vec<Motion> = from.patches.iter().map(|p| motion(p.center)).collect();
@@ -149,10 +149,13 @@ pub fn of_patches(
         let own = from.map.patches[patch].samples.iter().filter(|k| asked[**k as usize]);
         own.step_by(step).map(|k| &from.map.samples[*k as usize])
     };
-    let unbent = unbend(from.map, &from.t_world_map, others, samples, config);
+    let unbent = unbend(from.map, &from.t_world_map, others, (samples, step), config);
     let mut sum = WallEvidence::default();
     for (k, pose) in unbent.poses.iter().enumerate() {
-        sum.add(&likelihood::one_way(samples(k), from.map, pose, others, config), 1.0);
+        let all = from.map.patches[k].samples.iter().filter(|s| asked[**s as usize]).count();
+        let taken = all.div_ceil(step).max(1);
+        let said = likelihood::one_way(samples(k), from.map, pose, others, config);
+        sum.add(&said, all as f64 / taken as f64);
     }
     sum.bending = unbent.cost;
     sum.log_likelihood -= unbent.cost;

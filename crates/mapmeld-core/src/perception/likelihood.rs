@@ -78,22 +78,6 @@ impl WallEvidence {
         }
     }
 
-    /// Share of the decisive observations that contradict, in [0, 1). A few agreeing ones are taken for
-    /// granted, so that a small overlap does not turn one stray cell into a large share.
-    pub fn conflict_share(&self) -> f64 {
-        self.conflicts / (self.hits + self.conflicts + 5.0)
-    }
-
-    /// Share of the walls looked for in known space that are not there, in [0, 1].
-    pub fn miss_share(&self) -> f64 {
-        let looked_for = self.hits + self.misses;
-        if looked_for > 0.0 {
-            self.misses / looked_for
-        } else {
-            0.0
-        }
-    }
-
     /// Evidence in the second direction: the smaller eigenvalue of [`WallEvidence::directions`].
     pub fn second_direction(&self) -> f64 {
         let [xx, xy, yy] = self.directions;
@@ -351,10 +335,7 @@ impl Placed<'_> {
         let t = &self.t_world_map;
         let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
         let step = count.div_ceil(config.max_samples).max(1);
-        let tallied = bend::of_patches(self, others, step, config);
-        let taken = count.div_ceil(step).max(1);
-        let mut sum = WallEvidence::default();
-        sum.add(&tallied, count as f64 / taken as f64);
+        let mut sum = bend::of_patches(self, others, step, config);
         sum.add(&survey(&self.map.floor, &targets(self.map, t, others, config)), 1.0);
         sum
     }

@@ -17,7 +17,8 @@ pub struct Layer {
     pub map: usize,
     /// Its pose: the virtual robot's x_t.
     pub t_world_map: Se2,
-    /// Probability that the pose is right, given the layers below.
+    /// Probability that the map lies at one of the places that were followed when this one was, given the layers
+    /// below.
     pub probability: f64,
     /// Occupied cells that no layer below has, world coordinates.
     pub new_occupied: Vec<Vec2>,
@@ -58,7 +59,7 @@ impl Overlay {
             .collect()
     }
 
-    /// Folds a local map in at a pose that is right with some probability. With `cells` the new cells of each
+    /// Folds a local map in at a pose, one of those at which it lies with some probability. With `cells` the new cells of each
     /// class are worked out, which Psi and gamma need.
     pub fn with(
         &self,

@@ -113,12 +113,9 @@ fn make_one(votes: &mut [(usize, Class)], is_beside: impl Fn(usize) -> bool) {
         let (earlier, rest) = votes.split_at_mut(k);
         let (map, class) = &mut rest[0];
         let first_says = |c: Class| earlier.iter().any(|(_, e)| *e == c);
+        let is_drawn = || earlier.iter().any(|(j, e)| *e == Class::Free && is_beside(*j));
         match class {
-            Class::Occupied => {
-                if earlier.iter().any(|(j, e)| *e == Class::Free && is_beside(*j)) {
-                    *class = Class::Free;
-                }
-            }
+            Class::Occupied if is_drawn() => *class = Class::Free,
             Class::Free if first_says(Class::Occupied) && is_beside(*map) => {
                 *class = Class::Occupied;
             }

@@ -75,8 +75,9 @@ def _draw(row: dict[str, Any], a: mapmeld.OccupancyGrid, b: mapmeld.OccupancyGri
     figure.suptitle(
         f"{row['case_a']}/{row['a']} (blue) with {row['case_b']}/{row['b']} (red), "
         f"seed {row['seed']}: {verdict}\n"
-        f"walls in common {row['walls']:.2f}, probability of the best mode {row['mode_probability'] or 0:.3f}, "
-        f"best mode {'right' if row['mode_right'] else 'not right'}",
+        f"walls in common {row['walls']:.2f}, best mode of probability "
+        f"{row['mode_probability'] or 0:.3f}, "
+        f"{'right' if row['mode_right'] else 'not right'}",
         fontsize=10,
     )
     figure.savefig(path, format="png", metadata={"Software": None})

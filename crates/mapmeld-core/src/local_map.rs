@@ -91,6 +91,8 @@ pub struct LocalMap {
 
 /// Length from which a wall counts as a long straight one, metres.
 const STRAIGHT: f64 = 1.0;
+/// Thickness below which both sides of a wall are the same wall, metres.
+const THICK: f64 = 0.2;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;
 /// How far open floor lies from the nearest wall or unknown cell, metres.
@@ -320,11 +322,15 @@ fn sample_walls(
                 let end = (b.position - l.start).norm().min((b.position - l.end).norm());
                 l.length() >= STRAIGHT && end >= NEAR_END
             });
+            // A wall that is seen from both sides is one wall.
+            let behind = to_grid.index(b.position - THICK * b.normal);
+            let is_thin = behind.is_some_and(|k| class_of(grid.cells()[k]) == Class::Free);
+            let share = if is_thin { 0.5 } else { 1.0 };
             WallSample {
                 position: b.position,
                 normal: b.normal,
                 weight,
-                conflict_weight: spacing / p.correlation_length,
+                conflict_weight: share * spacing / p.correlation_length,
                 straight,
             }
         })

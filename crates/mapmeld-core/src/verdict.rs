@@ -12,7 +12,7 @@ use crate::perception::WallEvidence;
 use crate::registration::{PairModes, Registered};
 
 /// Number of features, without the constant.
-pub const FEATURES: usize = 11;
+pub const FEATURES: usize = 14;
 
 /// What a pose's evidence is held against: facts of the maps, not of the pose.
 #[derive(Debug, Clone, Copy)]
@@ -43,18 +43,25 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
     // A few agreeing observations are taken for granted, so that a small overlap does not turn one stray
     // cell into a large share.
     let share = |part: f64| part / (part + e.hits + 5.0);
+    let cover = (e.shared_length + 1.0).ln() - of.walls.max(1.0).ln();
+    // Bending fits anything to straight walls: it counts against them, less where much breaks the straightness.
+    let bent_straight = of.rung as f64 * of.straight;
     [
         e.log_likelihood.max(0.0).sqrt(),
         chance.max(0.0).sqrt(),
         e.shared_length / (e.shared_floor + 1.0),
         (share(e.conflicts) + 0.03).ln(),
         (share(e.straight_conflicts) + 0.02).ln(),
-        (e.shared_length + 1.0).ln() - of.walls.max(1.0).ln(),
+        cover,
         e.distinct_hits.ln_1p(),
         e.shared_floor.ln_1p(),
         e.second_direction() / e.hits.max(1e-9),
-        of.rung as f64 * of.straight,
+        bent_straight,
         (e.spread / e.hits.max(1e-9)).min(3.0),
+        // Panels as thin as a cell are seen from both sides.
+        (share(e.opposed) + 0.03).ln(),
+        cover * cover,
+        bent_straight * e.distinct_hits.ln_1p(),
     ]
 }
 

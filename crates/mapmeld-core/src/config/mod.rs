@@ -188,8 +188,10 @@ stage! {
         min_probability: f64 = 0.8,
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
-        weights: [f64; 12] =
-            [-17.291, 0.138, -1.018, -0.347, -3.576, -1.572, 1.772, 1.509, 1.348, 2.663, -0.008, -1.425],
+        weights: [f64; 15] = [
+            -17.730, 0.137, -0.885, -0.374, -3.691, -1.593, 0.485, 1.252, 1.591, 3.152, -2.895, -2.227, 0.853,
+            -0.296, 0.842,
+        ],
         /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
         temperature: f64 = 2.0,
         /// Poses less probable than this are not followed.

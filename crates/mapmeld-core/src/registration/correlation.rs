@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 /// Bins of a full turn: one degree each.
 const BINS: usize = 360;
 /// Rotations that are tried.
-const ROTATIONS: usize = 8;
+const ROTATIONS: usize = 12;
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
 /// Side of a coarse cell, metres, where the table stays small enough.

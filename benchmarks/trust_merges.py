@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import mapmeld
 import trust_cases
+import trust_failures
 import trust_score
 from mapmeld import _core, se2
 from mapmeld.truth import parse_truth
@@ -70,6 +71,9 @@ class PairMerge:
         mode_T = mode if mode is None or in_order else se2.inverse(mode)
         seen = judged(self.pair, mode_T)
         right = self.pair.T_a_b
+        modes = [m.T_a_b if in_order else se2.inverse(m.T_a_b) for p in result.pairs for m in p.modes]
+        verdicts = [judged(self.pair, m) for m in modes]
+        rank = next((k for k, v in enumerate(verdicts) if v is not None and v.right), None)
         return {
             **pair_facts(self.pair),
             "seed": self.seed,
@@ -79,6 +83,7 @@ class PairMerge:
             "probability": told["probability"],
             "mode_probability": best.get("probability"),
             "mode_right": seen is not None and seen.right,
+            "evidence": trust_failures.evidence(best, rank),
             "nees": None if right is None else trust_score.nees(result, right),
             "T_found": trust_score.rounded(T),
             "T_mode": trust_score.rounded(mode_T),

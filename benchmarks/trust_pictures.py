@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import mapmeld
 import trust_cases
+import trust_failures
 from mapmeld import se2
 from mapmeld.grid import FREE, UNKNOWN
 from mapmeld.palette import map_colour
@@ -20,25 +24,19 @@ from mapmeld.report_raster import Layer, Raster, paint
 _PIXELS = 600
 _IDENTITY = np.zeros(3)
 
-
-def failed(row: dict[str, Any]) -> bool:
-    """Whether a merge of two maps is one to look at: wrong, or not right where it should have been."""
-    return bool(row["wrong"]) or (row["band"] is not None and not row["right"])
+Drawn = tuple[int, dict[str, Any], mapmeld.OccupancyGrid, mapmeld.OccupancyGrid]
+"""Number, row and maps of a failed pair."""
 
 
 def draw_all(
     rows: Sequence[dict[str, Any]], find: Callable[[str], Path | None], folder: Path
 ) -> tuple[int, int]:
-    """One PNG a failed pair, of its first failing seed; how many were drawn, and of how many pairs a map was
-    not found."""
+    """One PNG a failed pair, of its first failing seed, and one of all where they belong (all.png), numbered
+    as in the table of failures; how many were drawn, and of how many pairs a map was not found."""
     folder.mkdir(parents=True, exist_ok=True)
-    drawn: set[str] = set()
-    missing = 0
-    for row in filter(failed, rows):
-        name = "_".join((row["case_a"], row["a"], row["case_b"], row["b"]))
-        name = re.sub(r"[^A-Za-z0-9_]+", "-", name) + ".png"
-        if name in drawn:
-            continue
+    drawn = []
+    failures = trust_failures.distinct(rows)
+    for number, row in enumerate(failures, start=1):
         grids = []
         for key in ("a", "b"):
             home = find(row[f"case_{key}"])
@@ -46,17 +44,34 @@ def draw_all(
             if path is not None and path.is_file():
                 grids.append(trust_cases.grid(path, key))
         if len(grids) == 2:
+            name = "_".join((row["case_a"], row["a"], row["case_b"], row["b"]))
+            name = f"{number:03d}_" + re.sub(r"[^A-Za-z0-9_]+", "-", name) + ".png"
             _draw(row, grids[0], grids[1], folder / name)
-            drawn.add(name)
-        else:
-            missing += 1
-    return len(drawn), missing
+            drawn.append((number, row, grids[0], grids[1]))
+    belonging = [d for d in drawn if d[1]["T_true"] is not None]
+    if belonging:
+        _draw_sheet(belonging, folder / "all.png")
+    return len(drawn), len(failures) - len(drawn)
+
+
+def _draw_sheet(drawn: Sequence[Drawn], path: Path) -> None:
+    """All pairs where they belong, small, on one sheet."""
+    across = 7
+    down = math.ceil(len(drawn) / across)
+    figure = Figure(figsize=(2.0 * across, 2.2 * down), dpi=80)
+    figure.set_layout_engine("constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for axes in panels:
+        axes.axis("off")
+    for axes, (number, row, a, b) in zip(panels, drawn, strict=False):
+        raster = _raster(a, b, np.array(row["T_true"]))
+        axes.imshow(raster.rgb, origin="lower", extent=raster.extent, interpolation="nearest")
+        axes.set_title(f"{number}: {row['family']} {100 * row['walls']:.0f} %", fontsize=8)
+    figure.savefig(path, format="png", metadata={"Software": None})
 
 
 def _draw(row: dict[str, Any], a: mapmeld.OccupancyGrid, b: mapmeld.OccupancyGrid, path: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(13.0, 7.0), dpi=90)
     figure.set_layout_engine("constrained")
     FigureCanvasAgg(figure)

@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeVar
 import trust_beliefs
 import trust_buildings
 import trust_cases
+import trust_failures
 import trust_peers
 import trust_tables
 from trust_cases import MapPair
@@ -158,6 +159,11 @@ def show_pairs(rows: trust_tables.Rows) -> trust_tables.Section:
     return text + trust_tables.PAIRS_LEGEND, goals
 
 
+def show_failures(rows: Sequence[Row]) -> trust_tables.Section:
+    """Every failed pair with its cause."""
+    return trust_failures.table(rows) + trust_failures.LEGEND, []
+
+
 PARTS: dict[str, Part] = {
     "pairs": Part("Two maps alone", pairs, show_pairs),
     "negatives": Part(
@@ -176,6 +182,12 @@ PARTS: dict[str, Part] = {
         "Stated probabilities",
         None,
         trust_beliefs.calibration,
+        of=("pairs", "negatives", "unrelated", "same"),
+    ),
+    "failures": Part(
+        "The failed pairs, one by one",
+        None,
+        show_failures,
         of=("pairs", "negatives", "unrelated", "same"),
     ),
     "invariance": Part("Other orders of the same maps", invariance, trust_beliefs.invariance),

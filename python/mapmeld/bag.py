@@ -225,8 +225,6 @@ class Bag:
         decode = self._store.deserialize_ros1 if self._is_ros1 else self._store.deserialize_cdr
         try:
             return decode(message.raw, message.type)
-        except MemoryError:
-            raise
         # Damaged bytes surface as any of struct's, numpy's and the library's errors.
         except Exception as error:
             if bytes(message.raw[:4]) == _ZSTD:
@@ -247,12 +245,16 @@ class Bag:
         """Turns whatever reading raises into one line about the bag."""
         try:
             yield
-        except (MapmeldError, MemoryError):
+        except MapmeldError:
             raise
-        # Damaged bytes surface as any of struct's, zstd's, sqlite's and the library's errors.
+        # Damaged bytes surface as any of struct's, zstd's, sqlite's and the library's errors; as a MemoryError
+        # where they stand for a length.
         except Exception as error:
-            suffix = next((f.suffix for f in self.files if f.suffix in _RESCUE), ".mcap")
+            names = (f.with_suffix("") if f.suffix in _COMPRESSED else f for f in self.files)
+            suffix = next((n.suffix for n in names if n.suffix in _RESCUE), ".mcap")
             reason = str(error).rstrip(".") or type(error).__name__
+            if isinstance(error, MemoryError):
+                reason = "a part of it claims to be larger than the memory"
             raise MapFileError(
                 one_line(f"{self.path}: cannot be read as a bag: {reason}; is it complete? {_RESCUE[suffix]}")
             ) from error

@@ -53,7 +53,9 @@ class RecordedMap(NamedTuple):
     grid: OccupancyGrid
 
 
-class _Message(NamedTuple):
+class GridMessage(NamedTuple):
+    """A map or a map's update as it was recorded. topic: that of the map, also for an update."""
+
     nanoseconds: int
     topic: str
     type: str
@@ -64,10 +66,10 @@ class _Message(NamedTuple):
 class PendingMap:
     """What a topic said last, not yet decoded: a map, if there is one, and the updates after it."""
 
-    full: _Message | None = None
-    updates: list[_Message] = field(default_factory=list)
+    full: GridMessage | None = None
+    updates: list[GridMessage] = field(default_factory=list)
 
-    def add(self, message: _Message) -> None:
+    def add(self, message: GridMessage) -> None:
         if message.type == GRID_TYPE:
             self.full = message
             self.updates.clear()
@@ -157,7 +159,7 @@ class Bag:
 
     def messages(
         self, topics: Sequence[str], begin: int | None = None, end: int | None = None
-    ) -> Iterator[_Message]:
+    ) -> Iterator[GridMessage]:
         """Maps of the topics and their updates, in the order of time, from `begin` up to and with `end`."""
         wanted = {(t, GRID_TYPE): t for t in topics} | {(t + UPDATES, UPDATE_TYPE): t for t in topics}
         with self._reading(), contextlib.ExitStack() as stack:
@@ -170,7 +172,7 @@ class Bag:
                     streams.append(stack.enter_context(contextlib.closing(stream)))
             for connection, nanoseconds, raw in heapq.merge(*streams, key=lambda found: found[1]):
                 topic = wanted[connection.topic, connection.msgtype]
-                yield _Message(nanoseconds, topic, connection.msgtype, raw)
+                yield GridMessage(nanoseconds, topic, connection.msgtype, raw)
 
     def decode(self, pending: PendingMap, name: str, before: RecordedMap | None = None) -> RecordedMap | None:
         """What a topic said last, as a map; updates without a map change the one `before`. None without
@@ -221,7 +223,7 @@ class Bag:
             return [self.path]
         return _parts(self.path)
 
-    def _message(self, message: _Message) -> Any:
+    def _message(self, message: GridMessage) -> Any:
         decode = self._store.deserialize_ros1 if self._is_ros1 else self._store.deserialize_cdr
         try:
             return decode(message.raw, message.type)
@@ -233,7 +235,7 @@ class Bag:
                 problem = f"cannot be decoded as {message.type}: {error}; the bag is damaged"
             raise self._located(message, problem) from error
 
-    def _located(self, message: _Message, problem: object) -> MapFileError:
+    def _located(self, message: GridMessage, problem: object) -> MapFileError:
         """An error with the bag, topic and time of the message."""
         topic = message.topic + (UPDATES if message.type == UPDATE_TYPE else "")
         return MapFileError(
@@ -247,8 +249,8 @@ class Bag:
             yield
         except MapmeldError:
             raise
-        # Damaged bytes surface as any of struct's, zstd's, sqlite's and the library's errors; as a MemoryError
-        # where they stand for a length.
+        # Damaged bytes surface as any of struct's, zstd's, sqlite's and the library's errors; where
+        # they stand for a length, as a MemoryError.
         except Exception as error:
             names = (f.with_suffix("") if f.suffix in _COMPRESSED else f for f in self.files)
             suffix = next((n.suffix for n in names if n.suffix in _RESCUE), ".mcap")

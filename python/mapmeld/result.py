@@ -118,15 +118,15 @@ class Component:
         map.
     merged: the fused map, None when the component is one blank map. shared_cells: cells that more than one
         map knows; conflict_cells: those that one of them shows occupied and another, whose own
-        walls are farther than a cell away, free.
+        walls are farther than a cell away, free. None where nobody counted, as after a replay.
     """
 
     reference: str
     order: tuple[str, ...]
     rms_m: float | None
     merged: OccupancyGrid | None
-    shared_cells: int
-    conflict_cells: int
+    shared_cells: int | None
+    conflict_cells: int | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mapmeld.estimate import Estimate, EstimatedComponent, Prior, RobotEstimate, RunnerUp
     from mapmeld.estimator import Estimator
     from mapmeld.grid import OccupancyGrid
+    from mapmeld.holding import Hold
     from mapmeld.map_features import MapFeatures, features
     from mapmeld.map_io import read_map, write_map
     from mapmeld.merging import merge
@@ -29,6 +30,7 @@ __all__ = [
     "Estimate",
     "EstimatedComponent",
     "Estimator",
+    "Hold",
     "MapFeatures",
     "MapFileError",
     "MapmeldError",
@@ -54,6 +56,7 @@ _HOME = {
     "Estimate": "estimate",
     "EstimatedComponent": "estimate",
     "Estimator": "estimator",
+    "Hold": "holding",
     "MapFeatures": "map_features",
     "MapFileError": "errors",
     "MapmeldError": "errors",

@@ -103,6 +103,20 @@ def test_an_old_database_without_definitions(tmp_path: Path) -> None:
     assert names(merged(folder / "run.db3")) == ["robot1", "robot2", "robot3"]
 
 
+def test_a_database_that_was_not_closed(tmp_path: Path) -> None:
+    """The library would read it without what is still in the log."""
+    folder = write_bag(tmp_path / "run", team(), "sqlite3")
+    db = sqlite3.connect(folder / "run.db3")
+    db.execute("PRAGMA journal_mode=WAL")
+    db.execute("UPDATE messages SET timestamp = timestamp + 1")
+    db.commit()
+    for path in (folder, folder / "run.db3"):
+        assert_refused(run_cli("merge", path, "--json", "-"), "run.db3-wal", "wal_checkpoint")
+    db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    db.close()
+    assert names(merged(folder)) == ["robot1", "robot2", "robot3"]
+
+
 def test_recorded_maps_with_truth(shared_data: Path, tmp_path: Path) -> None:
     case = shared_data / "mazeA_k3_drift"
     paths = sorted(case.glob("*.yaml"))

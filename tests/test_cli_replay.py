@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -16,10 +17,13 @@ import pytest
 
 from bags import FORMATS, START, Record, bag_path, grid_record, text_record, update_record, write_bag
 from mapmeld import OccupancyGrid, read_map, se2
+from mapmeld.estimate import EstimatedComponent
 from mapmeld.estimator import Estimator
 from mapmeld.map_inputs import choose_robots, open_bags
 from mapmeld.metrics import evaluate_files
+from mapmeld.output import write_output
 from mapmeld.replay import Moment, Replay
+from mapmeld.replay_files import result_of_estimate
 from rooms import TRUTH, assert_refused, blank, building, hall, relative_error, run_cli, save, view
 
 FILES = {"estimates.jsonl", "development.png", "merged.yaml", "merged.pgm", "result.json", "report.png"}
@@ -312,3 +316,40 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path: Path) -> None:
     assert err.startswith("mapmeld: interrupted")
     assert "Traceback" not in err
     assert os.listdir(tmp_path) == ["run"]
+
+
+def test_an_arrangement_that_the_merge_did_not_find(tmp_path: Path) -> None:
+    """An estimate may hold on to what the last merge says otherwise; what nobody counted is null."""
+    estimator = Estimator()
+    for grid in building():
+        estimator.update(grid)
+    estimate = estimator.estimate()
+    (together,) = estimate.components
+    alone = EstimatedComponent(("right",), "right", False, building()[2])
+    robots = [
+        dataclasses.replace(r, component=1, T_world_map=np.zeros(3), status="no evidence")
+        if r.name == "right"
+        else r
+        for r in estimate.robots
+    ]
+    held = dataclasses.replace(
+        estimate,
+        components=(dataclasses.replace(together, names=("left", "middle")), alone),
+        robots=tuple(robots),
+    )
+    result = result_of_estimate(held, {"total": 1.0})
+    write_output(tmp_path / "out", result, building())
+    told = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert [c["order"] for c in told["components"]] == [["left", "middle"], ["right"]]
+    assert [c["merged"] for c in told["components"]] == ["merged.yaml", "merged_2.yaml"]
+    assert told["components"][0]["shared_cells"] is None
+    assert told["components"][0]["conflict_cells"] is None
+    assert told["maps"][2]["T_component_map"] == [0, 0, 0]
+    assert told["probability"] == pytest.approx(robots[0].probability * robots[1].probability)
+    assert told["seconds"]["total"] == 1.0
+    # The hypothesis is still that of the merge, seen from the anchor.
+    best = {m["name"]: m["T_component_map"] for m in told["hypotheses"][0]["maps"]}
+    assert best["left"] == pytest.approx([0, 0, 0])
+    metres, radians = relative_error(np.array(best["left"]), np.array(best["right"]), "left", "right")
+    assert metres < 0.2
+    assert radians < 0.03

@@ -104,6 +104,13 @@ class Bag:
             raise MapFileError(
                 f"{self.path}: is a packed part of a bag; give the folder with its metadata.yaml"
             )
+        for file in self.files:
+            log = file.with_name(f"{file.name}-wal")
+            if file.suffix == ".db3" and log.is_file() and log.stat().st_size:
+                raise MapFileError(
+                    f"{log}: holds messages that the database lacks, as when the recorder was killed; "
+                    f"move them with: sqlite3 {file} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+                )
         try:
             from rosbags.rosbag1 import Reader as Reader1
             from rosbags.rosbag2 import Reader as Reader2

@@ -67,9 +67,8 @@ def result_of_estimate(estimate: Estimate, seconds: Mapping[str, float]) -> Merg
             index = len(components)
             components.append(Component(r.name, (r.name,), None, None, 0, 0))
         maps.append(PlacedMap(r.name, index, r.T_world_map, r.covariance, r.status, r.probability, r.reason))
-    held = {
-        c.anchor: r.T_world_map for c in estimate.components for r in estimate.robots if r.name == c.anchor
-    }
+    poses = {r.name: r.T_world_map for r in estimate.robots if r.T_world_map is not None}
+    held = {c.anchor: poses[c.anchor] for c in estimate.components}
     return dataclasses.replace(
         merge,
         maps=tuple(maps),
@@ -80,12 +79,14 @@ def result_of_estimate(estimate: Estimate, seconds: Mapping[str, float]) -> Merg
     )
 
 
-def _in_frames(hypothesis: Hypothesis, held: Mapping[str, NDArray[np.float64] | None]) -> Hypothesis:
-    """The hypothesis, with each of its components moved to where its first anchor is held."""
+def _in_frames(hypothesis: Hypothesis, held: Mapping[str, NDArray[np.float64]]) -> Hypothesis:
+    """The hypothesis, with each of its components moved to where the first anchor in it is held; anchors of
+    most robots come first."""
     to_frame: dict[int, NDArray[np.float64]] = {}
-    for m in hypothesis.maps:
-        T_frame_anchor = held.get(m.name)
-        if T_frame_anchor is not None and m.component not in to_frame:
+    placed = {m.name: m for m in hypothesis.maps}
+    for name, T_frame_anchor in held.items():
+        m = placed.get(name)
+        if m is not None and m.component not in to_frame:
             to_frame[m.component] = se2.compose(T_frame_anchor, se2.inverse(m.T_component_map))
     moved = (
         dataclasses.replace(m, T_component_map=se2.compose(to_frame[m.component], m.T_component_map))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mapmeld import _core, holding, linking, robots
+from mapmeld.admission import Admission
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
@@ -63,6 +64,7 @@ class Estimator:
         self._told: dict[str, OccupancyGrid] = {}
         self._cells: dict[str, KnownCells] = {}
         self._frames = Frames()
+        self._admission = Admission(self._hold, self._config["evidence"]["min_probability"])
         self._held: list[Held] = []
         self._by_prior: set[str] = set()
         self._placements: dict[str, int] = {}
@@ -136,7 +138,7 @@ class Estimator:
                 self._held, self._by_prior, self._placements, self._drawn = [], set(), {}, {}
                 return Estimate((), (), None, 0, time.perf_counter() - started)
             result, registered = self._merge(known, progress, started)
-            held, against = self._follow(result, known, progress)
+            held, against, unclear = self._follow(result, known, progress)
             self._count(held)
             self._held = held
             self._by_prior = {m.name for m in result.maps if m.status == "prior"}
@@ -144,7 +146,9 @@ class Estimator:
             self._drawn = {h.frame: self._drawn[h.frame] for h in held}
             centres = {n: c.centre for n, c in self._cells.items()}
             of_robot = tuple(
-                robots.tell(m, held, against, known.pins, result, centres, self._placements.get(m.name, 0))
+                robots.tell(
+                    m, held, against, unclear, known.pins, result, centres, self._placements.get(m.name, 0)
+                )
                 for m in sorted(result.maps, key=lambda m: m.name)
             )
             return Estimate(of_robot, components, result, registered, time.perf_counter() - started)
@@ -171,8 +175,9 @@ class Estimator:
 
     def _follow(
         self, result: MergeResult, known: _Known, progress: Progress | None
-    ) -> tuple[list[Held], dict[str, float]]:
-        """What is held from now on, and the robots that it holds where the merge does not."""
+    ) -> tuple[list[Held], dict[str, float], dict[str, float]]:
+        """What is held from now on; the robots that it holds where the merge does not, and those that it does
+        not place where the merge does, each with the probability of that place."""
         priors = _priors(known)
         centres = {n: c.centre for n, c in self._cells.items()}
 
@@ -180,16 +185,19 @@ class Estimator:
             question = (_listed(base), _listed(moved), [p.tolist() for p in places])
             return self._session.weigh([question], priors, progress)[0]
 
-        groups = _groups(result, bool(priors))
+        groups = _groups(result)
         free = self._by_prior | known.pins.keys()
         units = holding.units(self._held, groups, free, centres, self._hold, ask)
         against = {n: p for u in units for n, p in u.against.items()}
+        sure = self._by_prior | {name for name, *_ in priors}
+        areas = {n: c.area for n, c in self._cells.items()}
+        groups, unclear = self._admission.admitted(groups, units, sure, centres, areas, ask)
         joined = linking.joined(groups, units, centres, self._hold)
         world_is_given = bool(known.priors or known.pins)
         followed = self._frames.follow(joined, self._held, list(known.grids), world_is_given)
         covariances = {m.name: m.covariance for m in result.maps if m.covariance is not None}
         held = steady(followed, self._held, self._cells, covariances, known.pins, self._hold.refine_cells)
-        return sorted(held, key=lambda h: (-len(h.poses), not h.is_world, min(h.poses))), against
+        return sorted(held, key=lambda h: (-len(h.poses), not h.is_world, min(h.poses))), against, unclear
 
     def _count(self, held: Sequence[Held]) -> None:
         """Counts who is put somewhere else by more than noise."""
@@ -247,10 +255,9 @@ def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
     return [(n, T.tolist()) for n, T in poses.items()]
 
 
-def _groups(result: MergeResult, has_priors: bool) -> list[Group]:
-    """The components of a merge, without blank maps."""
-    groups: dict[int, dict[str, Any]] = {}
-    for m in result.maps:
-        if m.T_component_map is not None:
-            groups.setdefault(m.component, {})[m.name] = m.T_component_map
-    return [Group(poses, has_priors and result.components[k].in_world) for k, poses in sorted(groups.items())]
+def _groups(result: MergeResult) -> list[Group]:
+    """The components of a merge in the order in which they were merged, without blank maps."""
+    poses = {m.name: m.T_component_map for m in result.maps if m.T_component_map is not None}
+    return [
+        Group({n: poses[n] for n in c.order}, c.in_world) for c in result.components if c.merged is not None
+    ]

@@ -1,4 +1,4 @@
-"""`mapmeld merge`: map files in, an output folder out."""
+"""`mapmeld merge`: map files and bags in, an output folder out."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import typer
 from mapmeld.cli_common import reported
 
 if TYPE_CHECKING:
+    from mapmeld.map_inputs import MapInputs
     from mapmeld.merging import Progress
     from mapmeld.result import MergeResult
 
@@ -23,7 +24,11 @@ if TYPE_CHECKING:
 @reported
 def merge(
     maps: Annotated[
-        list[Path], typer.Argument(help="Saved maps: yaml files of map_server.", show_default=False)
+        list[Path],
+        typer.Argument(
+            help="Saved maps (yaml files of map_server) and ROS bags (a folder, .mcap, .db3 or .bag).",
+            show_default=False,
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -32,6 +37,21 @@ def merge(
             "--output",
             help="Output folder, new or empty or of an earlier merge: merged.yaml and .pgm, result.json, "
             "report.png. May be left out with --json.",
+            show_default=False,
+        ),
+    ] = None,
+    topics: Annotated[
+        str | None,
+        typer.Option(
+            help="Topics of the bags' maps, separated by commas; guessed. The last map of each is taken.",
+            show_default=False,
+        ),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Of bags, the last map at or before: seconds from the bag's start, or a date. The end.",
             show_default=False,
         ),
     ] = None,
@@ -80,16 +100,20 @@ def merge(
 ) -> None:
     """Merge maps whose frames, overlaps and order are unknown.
 
-    A map is called like its file without suffix. Maps that share too little evidence stay apart: every
-    connected component becomes a merged map of its own, the largest merged.yaml, then merged_2.yaml, ...
+    A map is called like its file without suffix, one of a bag like its namespace (/robot1/map: robot1). Maps
+    that share too little evidence stay apart: every connected component becomes a merged map of its own, the
+    largest merged.yaml, then merged_2.yaml, ...
     """
+    from mapmeld.bag import is_bag
     from mapmeld.cli_options import gather_options
     from mapmeld.errors import MapmeldError
+    from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs
 
     started = time.perf_counter()
     if output is None and json is None:
         raise MapmeldError("no output folder; give one with -o DIR, or --json - to print the result")
-    _check_files(maps)
+    check_paths(maps)
+    named, moment = check_bag_options(maps, topics, at)
     flags = [
         *_flag("--seed", seed, "seed"),
         *_flag("--particles", particles, "filter", "particles"),
@@ -101,17 +125,18 @@ def merge(
     if json is not None and str(json) != "-":
         _check_json(json, maps)
 
-    from mapmeld.map_io import read_map
     from mapmeld.merging import merge as merge_maps
     from mapmeld.output import OutputFolder, replace_file, write_merged_maps, write_report, write_result
 
     with contextlib.ExitStack() as stack:
-        out = None if output is None else stack.enter_context(OutputFolder(output, force=force, inputs=maps))
+        saved = [path for path in maps if not is_bag(path)]
+        out = None if output is None else stack.enter_context(OutputFolder(output, force=force, inputs=saved))
         if out is not None:
             threading.Thread(target=_load_matplotlib, daemon=True).start()
-        grids = [read_map(path) for path in maps]
-        read_seconds = time.perf_counter() - started
         with _progress(quiet) as progress:
+            inputs = read_inputs(maps, named, moment, progress)
+            grids = inputs.grids
+            read_seconds = time.perf_counter() - started
             result = merge_maps(grids, order=names, reference=reference, config=options, progress=progress)
         extra = {"read": read_seconds}
         if out is not None:
@@ -129,7 +154,7 @@ def merge(
             replace_file(json, result.to_json().encode())
         if out is not None:
             out.commit()
-    _tell(result, output, json, quiet, verbose)
+    _tell(result, inputs, output, json, quiet, verbose)
 
 
 def _load_matplotlib() -> None:
@@ -137,22 +162,6 @@ def _load_matplotlib() -> None:
     with contextlib.suppress(Exception):
         import matplotlib.backends.backend_agg
         import matplotlib.figure  # noqa: F401
-
-
-def _check_files(maps: list[Path]) -> None:
-    from mapmeld.errors import MapmeldError
-
-    by_file: dict[Path, Path] = {}
-    by_stem: dict[str, Path] = {}
-    for path in maps:
-        same = by_file.setdefault(path.resolve(), path)
-        if same is not path:
-            raise MapmeldError(f"{path}: is given twice (as {same}); give every map once")
-        namesake = by_stem.setdefault(path.stem, path)
-        if namesake is not path:
-            raise MapmeldError(
-                f"{path}: would be called {path.stem!r}, as {namesake} is; rename one, names tell maps apart"
-            )
 
 
 def _flag(name: str, value: object, *path: str) -> list[tuple[str, dict[str, Any]]]:
@@ -170,11 +179,13 @@ def _check_json(path: Path, maps: list[Path]) -> None:
 
     if path.is_dir() or not path.absolute().parent.is_dir():
         raise MapmeldError(f"--json {path}: is no file in a folder that is there; choose another place")
-    if path.resolve() in {m.resolve() for m in maps}:
-        raise MapmeldError(f"--json {path}: is one of the maps; choose another place")
+    target = path.resolve()
+    if any(target == m.resolve() or (m.is_dir() and target.parent == m.resolve()) for m in maps):
+        raise MapmeldError(f"--json {path}: is one of the maps, or in a bag; choose another place")
 
 
 _STAGES = {
+    "read": "maps read",
     "prepare": "maps prepared",
     "register": "pairs registered",
     "filter": "maps placed",
@@ -194,7 +205,7 @@ def _progress(quiet: bool) -> Iterator[Progress | None]:
 
     columns = (TextColumn("{task.description:>16}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(_STAGES["prepare"], total=None)
+        task = bar.add_task(_STAGES["read"], total=None)
 
         def show(stage: str, done: int, total: int) -> None:
             bar.update(task, description=_STAGES.get(stage, stage), completed=done, total=total)
@@ -202,7 +213,14 @@ def _progress(quiet: bool) -> Iterator[Progress | None]:
         yield show
 
 
-def _tell(result: MergeResult, output: Path | None, json: Path | None, quiet: bool, verbose: bool) -> None:
+def _tell(
+    result: MergeResult,
+    inputs: MapInputs,
+    output: Path | None,
+    json: Path | None,
+    quiet: bool,
+    verbose: bool,
+) -> None:
     from mapmeld.cli_common import stdout_console
     from mapmeld.merge_view import details, summary_table, warnings
 
@@ -212,10 +230,10 @@ def _tell(result: MergeResult, output: Path | None, json: Path | None, quiet: bo
         console = stdout_console()
         console.print(summary_table(result))
         if verbose:
-            for line in details(result):
+            for line in [*inputs.notes, *details(result)]:
                 console.print(line, markup=False)
         if output is not None:
             console.print(f"Wrote {output} in {result.seconds['total']:.2f} s.", markup=False, soft_wrap=True)
     if not quiet:
-        for line in warnings(result):
+        for line in [*inputs.warnings, *warnings(result)]:
             print(f"mapmeld: warning: {line}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The output folder of a merge: written whole or not at all."""
+"""The output folder of a merge or replay: written whole or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from mapmeld.map_yaml import one_line, read_map_yaml
 from mapmeld.result import MergeResult
 
 RESULT, REPORT = "result.json", "report.png"
+ESTIMATES, DEVELOPMENT = "estimates.jsonl", "development.png"
+"""What a replay writes beside these."""
 
+_OURS = {RESULT, REPORT, ESTIMATES, DEVELOPMENT}
 _STAGING = ".mapmeld-"
 _MERGED = re.compile(r"merged(_[0-9]+)?\.(yaml|pgm)")
 # What every result.json has. A folder whose result.json has it was written by a merge.
@@ -32,9 +35,9 @@ def write_output(
     """Writes merged.yaml and .pgm (merged_2, ... for further components), result.json and report.png.
 
     maps: those that were merged, for the report. Either all files are there afterwards or the folder is as
-    it was. The folder may be new, empty, or hold the output of an earlier merge, which is replaced; other
-    files in it are an error unless `force`, which writes beside them. Raises MapmeldError for these, and
-    when something cannot be written.
+    it was. The folder may be new, empty, or hold the output of an earlier merge or replay, which is replaced;
+    other files in it are an error unless `force`, which writes beside them. Raises MapmeldError for these,
+    and when something cannot be written.
     """
     with OutputFolder(folder, force=force) as out:
         write_merged_maps(out.staged, result)
@@ -53,20 +56,20 @@ def write_report(folder: Path, result: MergeResult, maps: Sequence[OccupancyGrid
     """Draws report.png."""
     from mapmeld.report import draw_report
 
-    with _saying(folder / REPORT):
+    with saying(folder / REPORT):
         draw_report(folder / REPORT, result, maps)
 
 
 def write_result(folder: Path, result: MergeResult) -> None:
     """Writes result.json."""
-    with _saying(folder / RESULT):
+    with saying(folder / RESULT):
         (folder / RESULT).write_text(result.to_json(), encoding="ascii")
 
 
 def replace_file(path: Path, content: bytes) -> None:
     """Writes a file in one step: whoever reads meanwhile finds the old content or the new one."""
     draft = path.with_name(f"{_STAGING}{secrets.token_hex(8)}")
-    with _saying(path):
+    with saying(path):
         if path.is_dir():
             raise IsADirectoryError(None, "is a folder")
         try:
@@ -79,7 +82,7 @@ def replace_file(path: Path, content: bytes) -> None:
 
 def make_folder(path: Path) -> None:
     """Makes a folder and those above it, where they are not there."""
-    with _saying(path):
+    with saying(path):
         path.mkdir(parents=True, exist_ok=True)
 
 
@@ -100,7 +103,7 @@ class OutputFolder:
         self._inputs = list(inputs)
 
     def __enter__(self) -> OutputFolder:
-        with _saying(self.folder):
+        with saying(self.folder):
             self._exists = self.folder.is_dir()
             if not self._exists and os.path.lexists(self.folder):
                 raise MapmeldError(f"{self.folder}: is there and no folder; choose another name")
@@ -125,7 +128,7 @@ class OutputFolder:
 
     def commit(self) -> None:
         """Moves the staged files to their place; raises MapmeldError, and undoes it, when that fails."""
-        with _saying(self.folder):
+        with saying(self.folder):
             if self._exists:
                 self._exchange()
             else:
@@ -165,11 +168,11 @@ class OutputFolder:
             merged = [str(c["merged"]) for c in result["components"] if c["merged"] is not None]
         except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return set()
-        names = {RESULT, REPORT}
+        names = set(_OURS)
         for name in merged:
             names |= {name, f"{name.removesuffix('.yaml')}.pgm"}
         # The file may have been edited: no name but ours counts, least of all one that leads elsewhere.
-        return {n for n in names if n in (RESULT, REPORT) or _MERGED.fullmatch(n)}
+        return {n for n in names if n in _OURS or _MERGED.fullmatch(n)}
 
     def _refuse_foreign(self, earlier: set[str]) -> None:
         if self._force:
@@ -193,7 +196,7 @@ class OutputFolder:
         here = self.folder.resolve()
         for path in self._inputs:
             for file in (path, read_map_yaml(path).image):
-                ours = file.name in (RESULT, REPORT) or _MERGED.fullmatch(file.name)
+                ours = file.name in _OURS or _MERGED.fullmatch(file.name)
                 if ours and file.resolve().parent == here:
                     raise MapmeldError(
                         one_line(f"{file}: is an input, and an output has its name; choose another folder")
@@ -208,7 +211,7 @@ def _existing_parent(folder: Path) -> Path:
 
 
 @contextlib.contextmanager
-def _saying(path: Path) -> Iterator[None]:
+def saying(path: Path) -> Iterator[None]:
     """Turns what the operating system says into one line about `path`."""
     try:
         yield

@@ -24,6 +24,7 @@
 //! ```
 #![warn(missing_docs)]
 pub mod boundary;
+pub mod cache;
 pub mod canonical;
 pub mod cluster;
 pub mod config;
@@ -38,10 +39,13 @@ pub mod local_map;
 pub mod merge;
 pub mod parallel;
 pub mod perception;
+pub mod prior;
 pub mod refine;
 pub mod registration;
 pub mod result;
 pub mod se2;
+pub mod session;
+pub mod standing;
 pub mod structure;
 pub mod verdict;
 pub mod virtual_robot;
@@ -53,3 +57,4 @@ pub use local_map::LocalMap;
 pub use merge::merge;
 pub use result::{Known, Merge};
 pub use se2::Se2;
+pub use session::Session;

@@ -1,5 +1,6 @@
 //! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
 
+use crate::cache::Cache;
 use crate::canonical::Canonical;
 use crate::cluster::Cluster;
 use crate::config::Config;
@@ -11,7 +12,8 @@ use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::noise;
-use crate::registration::{pair, Registered};
+use crate::prior::{self, Prior};
+use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::verdict;
@@ -27,61 +29,79 @@ pub fn merge(
     observer: Observer,
 ) -> Result<Merge> {
     config.validate()?;
-    check_known(known, grids.len())?;
-    let canonical = Canonical::of(&grids);
-    let (grids, known) = (canonical.arranged(grids), canonical.known(known));
-    let found = parallel::with_threads(config.threads, || run(grids, &known, config, observer))?;
-    Ok(canonical.restored(found?))
+    let grids: Vec<&OccupancyGrid> = grids.iter().collect();
+    merge_with(&mut Cache::passing(), &grids, known, config, observer)
 }
 
-fn run(
-    grids: Vec<OccupancyGrid>,
+/// A merge that takes what it can from a cache, of the same configuration, and leaves there what it works out.
+pub(crate) fn merge_with(
+    cache: &mut Cache,
+    grids: &[&OccupancyGrid],
     known: &Known,
     config: &Config,
     observer: Observer,
 ) -> Result<Merge> {
-    let mut clock = Clock::new();
+    check_known(known, grids.len())?;
+    let canonical = Canonical::of(grids);
+    let (grids, known) = (canonical.arranged(grids), canonical.known(known));
+    let found = parallel::with_threads(config.threads, || {
+        let mut clock = Clock::new();
+        // Section 5: data points, lines, corners.
+        let maps = cache.take(&grids, Stage::Prepare, config, observer)?;
+        clock.lap("prepare");
+        let found = run(&maps, cache, &known, config, (observer, clock));
+        cache.give_back(maps);
+        found
+    })?;
+    Ok(canonical.restored(found?))
+}
 
-    // Section 5: data points, lines, corners.
-    let maps = observed(&grids, Stage::Prepare, observer, |g| LocalMap::new(g.clone(), config))?;
-    clock.lap("prepare");
-
+fn run(
+    maps: &[LocalMap],
+    cache: &mut Cache,
+    known: &Known,
+    config: &Config,
+    (observer, mut clock): (Observer, Clock),
+) -> Result<Merge> {
     // Section 3: the possible motions u_t of every pair, once for all particles. How bent the maps are is
     // learnt from the pairs that fit best.
-    let found = register_all(&maps, |_, _| Vec::new(), config, observer)?;
-    let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
-    let pairs = judged(found, rung, &maps, config);
-    let perception = config.perception.rungs().swap_remove(rung);
-    let config = &Config { perception, ..config.clone() };
+    let Found { pairs, rung, config, fresh: registered_pairs } =
+        registered(maps, cache, known, config, observer)?;
+    let config = &config;
     clock.lap("register");
 
     // Sections 2 and 4: the virtual robot travels through each component.
     let robot = VirtualRobot {
-        maps: &maps,
+        maps,
         pairs: &pairs,
         open: maps.iter().map(|m| !m.is_blank()).collect(),
         order: known.order.as_deref(),
         config,
         rung,
+        priors: &known.priors,
         parts: None,
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::of_travel(&maps, worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, &known.priors, config))
         .collect();
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    while let Some(joined) = join(&maps, &pairs, &clusters, (known, rung), config, observer)? {
+    while let Some(joined) = join(maps, cache, &pairs, &clusters, (known, rung), config, observer)?
+    {
         clusters = joined;
+    }
+    if known.priors.iter().any(Option::is_some) {
+        clusters = prior::united(clusters, &known.priors);
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
     tell_all(&mut clusters);
     // A named reference lends its frame; where the robot starts is for the evidence to say.
-    if let Some(r) = known.reference {
-        clusters.iter_mut().filter(|c| c.members.contains(&r)).for_each(|c| {
-            c.rebase(r, &maps, config);
-        });
+    for c in clusters.iter_mut().filter(|c| !c.in_world) {
+        if let Some(r) = known.references.iter().find(|r| c.members.contains(r)) {
+            c.rebase(*r, maps, config);
+        }
     }
     clock.lap("join");
 
@@ -90,33 +110,46 @@ fn run(
         observe(observer, Stage::Fuse, k, clusters.len())?;
         components.push(Component {
             reference: c.reference,
+            in_world: c.in_world,
             order: c.members.clone(),
             steps: c.steps.clone(),
             rms: c.rms,
-            fused: fuse::fuse("merged", &c.placed(&maps), &config.fuse)?,
+            fused: fuse::fuse("merged", &c.placed(maps), &config.fuse)?,
         });
     }
-    let placements = evidence::placements(&maps, &clusters);
+    let placements = evidence::placements(maps, &clusters);
     let hypotheses = evidence::hypotheses(&clusters);
     let probability = clusters.iter().map(|c| c.worlds[0].certainty()).product();
     clock.lap("fuse");
     let (pairs, seconds) = (pairs.into_pairs(), clock.laps);
-    Ok(Merge { placements, components, probability, hypotheses, pairs, seconds })
+    Ok(Merge { placements, components, probability, hypotheses, pairs, registered_pairs, seconds })
 }
 
-/// Registers every pair, each hinted at some transforms.
-fn register_all(
+/// What the pairs of some maps say.
+pub(crate) struct Found {
+    /// With their verdicts.
+    pub pairs: PairTable,
+    /// How bent the maps are.
+    pub rung: usize,
+    /// Options, with the perception model that fits them.
+    pub config: Config,
+    /// How many of the pairs had to be registered.
+    pub fresh: usize,
+}
+
+/// Registers all pairs and weighs them as bent as they are.
+pub(crate) fn registered(
     maps: &[LocalMap],
-    hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
+    cache: &mut Cache,
+    known: &Known,
     config: &Config,
     observer: Observer,
-) -> Result<Vec<Registered>> {
-    let n = maps.len();
-    let mirrored = observed(maps, Stage::Register, observer, |m| m.mirrored(config))?;
-    let todo: Vec<(usize, usize)> = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
-    observed(&todo, Stage::Register, observer, |(a, b)| {
-        pair::register(&maps[*a], &maps[*b], Some(&mirrored[*b]), &hints(*a, *b), (*a, *b), config)
-    })
+) -> Result<Found> {
+    let (found, fresh) = cache.register(maps, prior_hints(known), config, observer)?;
+    let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
+    let pairs = judged(found, rung, maps, config);
+    let perception = config.perception.rungs().swap_remove(rung);
+    Ok(Found { pairs, rung, config: Config { perception, ..config.clone() }, fresh })
 }
 
 /// The verdicts on all pairs.
@@ -136,7 +169,7 @@ fn travel(
     observer: Observer,
 ) -> Result<Vec<(Vec<World>, Vec<Step>)>> {
     let mut travelled = Vec::new();
-    while let Some(start) = choose_start(robot.pairs, &robot.open, known) {
+    while let Some(start) = choose_start(&robot, known) {
         let f = &robot.config.filter;
         let seed = robot.config.seed.wrapping_add(travelled.len() as u64);
         let mut filter =
@@ -173,6 +206,7 @@ fn tell_all(clusters: &mut [Cluster]) {
 /// One travel with the clusters as maps; none when no two of them join.
 fn join(
     maps: &[LocalMap],
+    cache: &mut Cache,
     pairs: &PairTable,
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
@@ -183,23 +217,63 @@ fn join(
     if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
         return Ok(None);
     }
-    let merged = observed(clusters, Stage::Join, observer, |c| c.to_local_map(maps, config))?
-        .into_iter()
-        .collect::<Result<Vec<_>>>()?;
+    let merged = as_maps(maps, cache, clusters, config, observer)?;
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
-    let found = register_all(&merged, hints, config, observer)?;
-    let pairs = judged(found, 0, &merged, config);
+    let found = cache.register(&merged, hints, config, observer);
+    let joined = found.and_then(|(found, _)| {
+        let pairs = judged(found, 0, &merged, config);
+        travel_among(maps, &merged, &pairs, clusters, (known, rung), config, observer)
+    });
+    cache.give_back(merged);
+    joined
+}
+
+/// The clusters as maps of their own.
+fn as_maps(
+    maps: &[LocalMap],
+    cache: &mut Cache,
+    clusters: &[Cluster],
+    config: &Config,
+    observer: Observer,
+) -> Result<Vec<LocalMap>> {
+    let several: Vec<&Cluster> = clusters.iter().filter(|c| c.members.len() > 1).collect();
+    let grids = parallel::map(&several, |c| c.fused(maps, config));
+    let grids = grids.into_iter().collect::<Result<Vec<_>>>()?;
+    let grids: Vec<&OccupancyGrid> = grids.iter().collect();
+    let mut fused = cache.take(&grids, Stage::Join, config, observer)?.into_iter();
+    let of_cluster = |c: &Cluster| match c.members[..] {
+        [only] => maps[only].clone(),
+        _ => fused.next().expect("one for each cluster of several maps"),
+    };
+    Ok(clusters.iter().map(of_cluster).collect())
+}
+
+/// One travel with the clusters as maps, their pairs judged; none when no two of them join.
+fn travel_among(
+    maps: &[LocalMap],
+    merged: &[LocalMap],
+    pairs: &PairTable,
+    clusters: &[Cluster],
+    (known, rung): (&Known, usize),
+    config: &Config,
+    observer: Observer,
+) -> Result<Option<Vec<Cluster>>> {
     let first = known.order.as_ref().and_then(|o| o.first().copied());
     let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
-    let known = Known { order: first.map(|c| vec![c]), reference: None };
+    // What members know of their poses tells where their cluster lies.
+    let of_cluster = |c: &Cluster| Prior::of_frame(&c.with_priors(&known.priors));
+    let priors: Vec<Option<Prior>> = clusters.iter().map(of_cluster).collect();
+    let of_maps = &known.priors;
+    let known = Known { order: first.map(|c| vec![c]), ..Known::default() };
     let overlays = parallel::map(clusters, |c| c.overlay(maps));
     let robot = VirtualRobot {
-        maps: &merged,
-        pairs: &pairs,
+        maps: merged,
+        pairs,
         open: vec![true; merged.len()],
         order: None,
         config,
         rung,
+        priors: &priors,
         parts: Some(Parts { maps, overlays: &overlays }),
     };
     let travelled = travel(robot, &known, observer)?;
@@ -208,16 +282,19 @@ fn join(
     }
     let joined: Vec<Cluster> = travelled
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, of_maps, config))
         .collect();
     // What is split off again has not joined.
     Ok((joined.len() < clusters.len()).then_some(joined))
 }
 
-/// Where the robot starts through the next component: at the first map of the known order, or at the one with
-/// the most evidence in common with other open maps. None when no map is open.
-fn choose_start(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize> {
+/// Where the robot starts through the next component: at a pinned map, at the first map of the known order, or at
+/// the one with the most evidence in common with other open maps. None when no map is open.
+fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
+    let (pairs, open) = (robot.pairs, &robot.open);
     let is_open = |m: &usize| open[*m];
+    let pinned =
+        (0..open.len()).filter(is_open).find(|m| robot.prior(*m).is_some_and(|p| p.is_pinned));
     let first = known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
     let connected = |a: usize| -> f64 {
         (0..open.len())
@@ -234,13 +311,25 @@ fn choose_start(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize
             .reduce(|x, y| if y.1 > x.1 { y } else { x })
             .map(|(a, _)| a)
     };
-    first.or_else(strongest)
+    pinned.or(first).or_else(strongest)
+}
+
+/// Where priors say that two maps lie to each other.
+fn prior_hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
+    let prior = |m: usize| known.priors.get(m).and_then(Option::as_ref);
+    move |a, b| match (prior(a), prior(b)) {
+        (Some(a), Some(b)) => vec![a.t_world_map.between(&b.t_world_map)],
+        _ => Vec::new(),
+    }
 }
 
 fn check_known(known: &Known, n: usize) -> Result<()> {
     let fail = |key: &str, problem: String| Err(Error::Config { key: key.into(), problem });
-    if let Some(r) = known.reference.filter(|r| *r >= n) {
+    if let Some(r) = known.references.iter().find(|r| **r >= n) {
         return fail("reference", format!("index {r} of {n} maps"));
+    }
+    if !known.priors.is_empty() && known.priors.len() != n {
+        return fail("priors", format!("{} of them for {n} maps", known.priors.len()));
     }
     if let Some(order) = &known.order {
         let mut seen = vec![false; n];
@@ -252,8 +341,8 @@ fn check_known(known: &Known, n: usize) -> Result<()> {
                 return fail("order", format!("names map {m} twice"));
             }
         }
-        if let (Some(reference), Some(first)) = (known.reference, order.first()) {
-            if reference != *first {
+        if let (Some(reference), Some(first)) = (known.references.first(), order.first()) {
+            if reference != first {
                 return fail("order", "must begin with the reference map".into());
             }
         }
@@ -267,23 +356,6 @@ fn observe(observer: Observer, stage: Stage, done: usize, total: usize) -> Resul
     } else {
         Err(Error::Interrupted)
     }
-}
-
-/// `f` of every item in parallel, in batches between which the observer is asked.
-fn observed<T: Sync, R: Send>(
-    items: &[T],
-    stage: Stage,
-    observer: Observer,
-    f: impl Fn(&T) -> R + Sync + Send,
-) -> Result<Vec<R>> {
-    let batch = 8 * rayon::current_num_threads();
-    let mut out = Vec::with_capacity(items.len());
-    observe(observer, stage, 0, items.len())?;
-    for chunk in items.chunks(batch) {
-        out.extend(parallel::map(chunk, &f));
-        observe(observer, stage, out.len(), items.len())?;
-    }
-    Ok(out)
 }
 
 struct Clock {

@@ -26,9 +26,12 @@ import bench_report
 import calibrate_rows
 import trust_score
 from calibrate_rows import Row
+from mapmeld import default_config
 
 RIDGE = 3.0
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
+ACCEPTED = default_config()["evidence"]["min_probability"]
+"""Probability from which maps are merged."""
 CACHE = bench_report.REPOSITORY / "target" / "calibrate"
 
 
@@ -113,7 +116,7 @@ def report(rows: Sequence[Row]) -> str:
     for g in [*groups, "ALL"]:
         at = np.array([r["group"] == g or g == "ALL" for r in rows])
         q, so = p[at], right[at]
-        accepted = q >= 0.8
+        accepted = q >= ACCEPTED
         table.append(
             (
                 g,
@@ -128,7 +131,7 @@ def report(rows: Sequence[Row]) -> str:
             )
         )
     columns = (
-        "buildings", "pairs", "best mode right", "right above 0.8", "wrong above 0.8", "highest of the wrong",
+        "buildings", "pairs", "best mode right", f"right above {ACCEPTED}", f"wrong above {ACCEPTED}", "highest of the wrong",
         "Brier", "ECE", "wrong above 0.99",
     )  # fmt: skip
     weights = ", ".join(f"{v:.3f}" for v in fit(features, right))

@@ -173,6 +173,10 @@ def result_of(
         )
         for p in found["pairs"]
     )
+    places: dict[int, dict[str, NDArray[np.float64]]] = {}
+    for name, p in zip(names, found["maps"], strict=True):
+        if p["component"] is not None:
+            places.setdefault(p["component"], {})[name] = _array(p["T_component_map"])
     maps = []
     for name, p in zip(names, found["maps"], strict=True):
         component = p["component"]
@@ -189,7 +193,7 @@ def result_of(
                 covariance=None if T is None else _array(p["covariance"]),
                 status=p["status"],
                 probability=_share(p["probability"]),
-                reason=reason(name, p["status"], components[component].order, pairs, hypotheses),
+                reason=reason(name, p["status"], places.get(component, {}), pairs, hypotheses),
             )
         )
     return MergeResult(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapmeld import se2
 from mapmeld.result import Hypothesis, Pair
 
 _LITTLE_WALL_M = 3.0
@@ -21,11 +22,15 @@ _SAME_PLACE = (1.0, 0.1)
 
 
 def reason(
-    name: str, status: str, others: Sequence[str], pairs: Sequence[Pair], hypotheses: Sequence[Hypothesis]
+    name: str,
+    status: str,
+    placed: Mapping[str, NDArray[np.float64]],
+    pairs: Sequence[Pair],
+    hypotheses: Sequence[Hypothesis],
 ) -> str:
     """The sentence for the map of that name.
 
-    others: maps in its component. pairs, hypotheses: those of the result.
+    placed: T_component_map of the maps in its component. pairs, hypotheses: those of the result.
     """
     if status == "blank":
         return "it holds no known cell, so it is placed nowhere"
@@ -33,7 +38,7 @@ def reason(
         return "placed by its prior alone"
     own = [p for p in pairs if name in (p.a, p.b) and p.modes]
     if status == "merged":
-        return _merged(name, [p for p in own if _other(p, name) in others])
+        return _merged(name, [p for p in own if _is_told(p, placed)])
     if status == "ambiguous":
         shares = ", ".join(f"{p:.2f}" for p in _places(name, hypotheses)[:3])
         likeliest = f"the likeliest ones have {shares or 'little'}"
@@ -45,12 +50,21 @@ def reason(
 
 
 def _merged(name: str, own: Sequence[Pair]) -> str:
-    """The evidence of pairs is that of two maps alone: what several maps say together can be more."""
+    """From the pairs that put the map where it lies. Their evidence is that of two maps alone: what several say
+    together can be more."""
     if not own:
         return "held by other maps together"
     best = max(own, key=lambda p: p.probability)
     more = sum(p.status == "merged" for p in own if p is not best)
     return f"held by {_other(best, name)}{f' and {more} more' if more else ''}: {_evidence(best)}"
+
+
+def _is_told(pair: Pair, placed: Mapping[str, NDArray[np.float64]]) -> bool:
+    """Whether two maps lie as their best mode has them."""
+    if pair.a not in placed or pair.b not in placed:
+        return False
+    T_a_b = se2.compose(se2.inverse(placed[pair.a]), placed[pair.b])
+    return _same_place(T_a_b, pair.modes[0].T_a_b)
 
 
 def _evidence(pair: Pair) -> str:

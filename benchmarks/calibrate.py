@@ -131,7 +131,8 @@ def report(rows: Sequence[Row]) -> str:
             )
         )
     columns = (
-        "buildings", "pairs", "best mode right", f"right above {ACCEPTED}", f"wrong above {ACCEPTED}", "highest of the wrong",
+        "buildings", "pairs", "best mode right",
+        f"right above {ACCEPTED}", f"wrong above {ACCEPTED}", "highest of the wrong",
         "Brier", "ECE", "wrong above 0.99",
     )  # fmt: skip
     weights = ", ".join(f"{v:.3f}" for v in fit(features, right))

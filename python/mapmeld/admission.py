@@ -42,10 +42,12 @@ class Admission:
         centres: Mapping[str, Sequence[float]],
         areas: Mapping[str, float],
         ask: Ask,
+        maps_are_done: bool = False,
     ) -> tuple[list[Group], dict[str, float]]:
         """Groups of what is linked clearly, and how probable the link is of robots for which it is not.
 
         units: what is held together; nothing is asked about that. sure: robots that priors or pins place.
+        maps_are_done: links that are probable enough for a merge are clear.
         """
         done: list[Group] = []
         unclear: dict[str, float] = {}
@@ -57,14 +59,20 @@ class Admission:
                 first = max(left, key=lambda p: (is_world and bool(p & set(sure)), len(p)))
                 left.remove(first)
                 base = {n: group.poses[n] for n in group.poses if n in first}
+                asked: dict[int, int] = {}
                 grows = True
                 while grows:
                     grows = False
                     for part in list(left):
+                        # Against the same robots it stands as it stood.
+                        if asked.get(id(part)) == len(base):
+                            continue
+                        asked[id(part)] = len(base)
                         moved = {n: group.poses[n] for n in group.poses if n in part}
                         if not (is_world and part & set(sure)):
                             probability = ask(base, moved, [np.zeros(3)])[0][0][0]
-                            if not self._is_clear(base, moved, probability, areas, stood):
+                            clear = self._is_clear(base, moved, probability, areas, stood)
+                            if not (clear or (maps_are_done and probability >= self.least)):
                                 for n in (*base, *moved):
                                     unclear[n] = max(probability, unclear.get(n, 0.0))
                                 continue

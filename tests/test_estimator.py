@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -232,3 +234,25 @@ def test_bad_use_is_refused_by_name(use: str, message: str) -> None:
 def test_a_bad_option_is_refused_at_once() -> None:
     with pytest.raises(mapmeld.ConfigError, match=r"filter\.particles"):
         Estimator(config={"filter": {"particles": 0}})
+
+
+def resident_mb() -> float:
+    with open("/proc/self/statm", encoding="ascii") as stream:
+        return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
+def test_memory_stays_flat_over_many_updates() -> None:
+    estimator = told(LEFT, MIDDLE, hall())
+
+    def churn(times: int) -> None:
+        for k in range(times):
+            estimator.update(view("middle", (2.0, 9.0 + 0.1 * (k % 29)), TRUTH["middle"]))
+            estimate = estimator.estimate()
+            assert len(estimate.robots) == 3
+
+    churn(30)
+    before = resident_mb()
+    churn(120)
+    # What one map and its pairs take is some megabytes: 120 of them would show.
+    assert resident_mb() - before < 20

@@ -219,7 +219,7 @@ def bad_uses() -> Iterator[tuple[str, str]]:
     yield "mapmeld.Prior((0, 0, 0), (0.1, 0, 0.1))", "sigma must be positive"
     yield "mapmeld.Prior('abc', (0.1, 0.1, 0.1))", "T_world_map"
     yield "mapmeld.Hold(keep=2)", "keep"
-    yield "mapmeld.Hold(growth='much')", "growth"
+    yield "mapmeld.Hold(replace='much')", "replace"
     yield "Estimator(hold=0.5)", "Hold"
     yield "estimator.estimate().robot('nobody')", "'nobody'"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mapmeld import Estimate, Estimator, Hold, OccupancyGrid, se2
-from mapmeld.admission import Admission
+from mapmeld.admission import admitted
 from mapmeld.frames import Group, Held
 from mapmeld.holding import Answer, Poses, units
 from mapmeld.linking import joined
@@ -100,21 +100,20 @@ def test_groups_are_joined_across_what_is_held() -> None:
     }
 
 
-def test_a_new_link_waits_until_it_is_clear_or_has_stood_while_maps_grew() -> None:
+@pytest.mark.parametrize(("probability", "told"), [(0.9, False), (0.99, True)])
+def test_a_new_link_is_told_when_it_is_clear(probability: float, told: bool) -> None:
     groups = [Group({"a": at(0), "b": at(5)})]
+    alone = units([], groups, (), CENTRES, Hold(), Witness())
+    found, unclear = admitted(groups, alone, (), CENTRES, Hold(), 0.98, Witness(probability))
+    assert [set(g.poses) for g in found] == ([{"a", "b"}] if told else [{"a"}, {"b"}])
+    assert unclear == ({} if told else {"a": 0.9, "b": 0.9})
 
-    def together(admission: Admission, probability: float, area: float) -> bool:
-        alone = units([], groups, (), CENTRES, Hold(), Witness())
-        areas = {"a": area, "b": area}
-        told, _ = admission.admitted(groups, alone, (), CENTRES, areas, Witness(probability))
-        return len(told) == 1
 
-    assert together(Admission(Hold(), 0.8), 0.985, 10.0)
-    waits = Admission(Hold(), 0.8)
-    assert [together(waits, 0.9, area) for area in (10, 12, 14, 15.1)] == [False, False, False, True]
-    broken = Admission(Hold(), 0.8)
-    assert [together(broken, p, a) for p, a in ((0.9, 10), (0.7, 12), (0.9, 15.1))] == [False] * 3
-    assert not together(Admission(Hold(join=0.99), 0.8), 0.985, 10.0)
+def test_what_priors_place_is_not_asked_for_clear_walls() -> None:
+    groups = [Group({"a": at(0), "b": at(5), "c": at(9)}, in_world=True)]
+    alone = units([], groups, (), CENTRES, Hold(), Witness())
+    found, _ = admitted(groups, alone, {"b", "c"}, CENTRES, Hold(), 0.98, Witness(0.9))
+    assert [(set(g.poses), g.in_world) for g in found] == [({"b", "c"}, True), ({"a"}, False)]
 
 
 def positions(estimate: Estimate) -> dict[str, list[float]]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mapmeld import _core, holding, linking, robots
-from mapmeld.admission import Admission
+from mapmeld.admission import admitted
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
@@ -70,7 +70,6 @@ class Estimator:
         self._told: dict[str, OccupancyGrid] = {}
         self._cells: dict[str, KnownCells] = {}
         self._frames = Frames()
-        self._admission = Admission(self._hold, self._config["evidence"]["min_probability"])
         self._held: list[Held] = []
         self._by_prior: set[str] = set()
         self._placements: dict[str, int] = {}
@@ -136,8 +135,8 @@ class Estimator:
         pairs that were registered until then are kept, and what is held stays as it was. An estimate waits
         for one that runs in another thread.
 
-        maps_are_done: no map will grow any more. New links need no more than a merge asks for then;
-        while maps grow they must be clearer, see Hold.
+        maps_are_done: no map will grow for now. New links need no more than a merge asks for then; while
+        maps grow they must be clearer, see Hold.
         """
         with self._turn:
             started = time.perf_counter()
@@ -206,8 +205,9 @@ class Estimator:
         units = holding.units(self._held, groups, free, centres, self._hold, ask)
         against = {n: p for u in units for n, p in u.against.items()}
         sure = self._by_prior | {name for name, *_ in priors}
-        areas = {n: c.area for n, c in self._cells.items()}
-        groups, unclear = self._admission.admitted(groups, units, sure, centres, areas, ask, maps_are_done)
+        enough = self._config["evidence"]["min_probability"]
+        least = enough if maps_are_done else max(enough, self._hold.join)
+        groups, unclear = admitted(groups, units, sure, centres, self._hold, least, ask)
         joined = linking.joined(groups, units, centres, self._hold)
         world_is_given = bool(known.priors or known.pins)
         followed = self._frames.follow(joined, self._held, list(known.grids), world_is_given)

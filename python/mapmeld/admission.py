@@ -8,96 +8,59 @@ be told.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from mapmeld import se2
-from mapmeld.frames import Group, Pose
+from mapmeld.frames import Group
 from mapmeld.holding import Ask, Hold, Unit, agreeing
 
 
-@dataclass(frozen=True)
-class _Waiting:
-    """A link that is probable but not clear yet: where one robot lies to another, and the known area, square
-    metres, of the robots on both sides when it was first seen."""
+def admitted(
+    groups: Sequence[Group],
+    units: Sequence[Unit],
+    sure: Collection[str],
+    centres: Mapping[str, Sequence[float]],
+    hold: Hold,
+    least: float,
+    ask: Ask,
+) -> tuple[list[Group], dict[str, float]]:
+    """Groups of what is linked clearly, and how probable the best link is of robots that have none.
 
-    T_a_b: Pose
-    areas: Mapping[str, float]
-
-
-@dataclass
-class Admission:
-    """Splits groups where their links are not clear. It remembers those that wait."""
-
-    hold: Hold
-    least: float
-    _waiting: dict[tuple[str, str], _Waiting] = field(default_factory=dict)
-
-    def admitted(
-        self,
-        groups: Sequence[Group],
-        units: Sequence[Unit],
-        sure: Collection[str],
-        centres: Mapping[str, Sequence[float]],
-        areas: Mapping[str, float],
-        ask: Ask,
-    ) -> tuple[list[Group], dict[str, float]]:
-        """Groups of what is linked clearly, and how probable the link is of robots for which it is not.
-
-        units: what is held together; nothing is asked about that. sure: robots that priors or pins place.
-        """
-        done: list[Group] = []
-        unclear: dict[str, float] = {}
-        stood: dict[tuple[str, str], _Waiting] = {}
-        for group in groups:
-            left = _parts(group, units, centres, self.hold)
-            is_world = group.in_world
-            while left:
-                first = max(left, key=lambda p: (is_world and bool(p & set(sure)), len(p)))
-                left.remove(first)
-                base = {n: group.poses[n] for n in group.poses if n in first}
-                grows = True
-                while grows:
-                    grows = False
-                    for part in list(left):
-                        moved = {n: group.poses[n] for n in group.poses if n in part}
-                        if not (is_world and part & set(sure)):
-                            probability = ask(base, moved, [np.zeros(3)])[0][0][0]
-                            if not self._is_clear(base, moved, probability, areas, stood):
-                                for n in (*base, *moved):
-                                    unclear[n] = max(probability, unclear.get(n, 0.0))
-                                continue
-                        base |= moved
-                        left.remove(part)
-                        grows = True
-                done.append(Group(base, is_world))
-                is_world = False
-        self._waiting = stood
-        together = {n for g in done if len(g.poses) > 1 for n in g.poses}
-        return done, {n: p for n, p in unclear.items() if n not in together}
-
-    def _is_clear(
-        self,
-        base: Mapping[str, Pose],
-        moved: Mapping[str, Pose],
-        probability: float,
-        areas: Mapping[str, float],
-        stood: dict[tuple[str, str], _Waiting],
-    ) -> bool:
-        if probability >= self.hold.join:
-            return True
-        if probability < self.least:
-            return False
-        a, b = next(iter(base)), next(iter(moved))
-        T_a_b = se2.compose(se2.inverse(base[a]), moved[b])
-        waiting = self._waiting.get((a, b))
-        if waiting is None or not self.hold.is_same_place(waiting.T_a_b, T_a_b, (0.0, 0.0)):
-            waiting = _Waiting(T_a_b, {n: areas[n] for n in (*base, *moved)})
-        stood[a, b] = waiting
-        there = [n for n in waiting.areas if n in areas]
-        before = sum(waiting.areas[n] for n in there)
-        return sum(areas[n] for n in there) >= self.hold.growth * before
+    units: what is held together; nothing is asked about that. sure: robots that priors or pins place. least:
+        how probable a link must be.
+    """
+    done: list[Group] = []
+    unclear: dict[str, float] = {}
+    for group in groups:
+        left = _parts(group, units, centres, hold)
+        is_world = group.in_world
+        while left:
+            first = max(left, key=lambda part: (is_world and bool(part & set(sure)), len(part)))
+            left.remove(first)
+            base = {n: T for n, T in group.poses.items() if n in first}
+            asked: dict[int, int] = {}
+            grows = True
+            while grows:
+                grows = False
+                for part in list(left):
+                    # Against the same robots it stands as it stood.
+                    if asked.get(id(part)) == len(base):
+                        continue
+                    asked[id(part)] = len(base)
+                    moved = {n: T for n, T in group.poses.items() if n in part}
+                    if not (is_world and part & set(sure)):
+                        probability = ask(base, moved, [np.zeros(3)])[0][0][0]
+                        if probability < least:
+                            for n in (*base, *moved):
+                                unclear[n] = max(probability, unclear.get(n, 0.0))
+                            continue
+                    base |= moved
+                    left.remove(part)
+                    grows = True
+            done.append(Group(base, is_world))
+            is_world = False
+    linked = {n for g in done if len(g.poses) > 1 for n in g.poses}
+    return done, {n: p for n, p in unclear.items() if n not in linked}
 
 
 def _parts(

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapmeld import _core, holding, linking, robots
-from mapmeld.admission import Admission
+from mapmeld.admission import admitted
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
@@ -27,14 +28,20 @@ from mapmeld.result import MergeResult
 
 @dataclass
 class _Known:
-    """What an estimator was told: maps in the order in which their robots came, priors and pins."""
+    """What an estimator was told: maps in the order in which their robots came, priors and pins.
+
+    gone: robots that were removed since the last estimate began; one of that name that came later is another.
+    """
 
     grids: dict[str, OccupancyGrid] = field(default_factory=dict)
     priors: dict[str, Prior] = field(default_factory=dict)
     pins: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    gone: set[str] = field(default_factory=set)
 
-    def copy(self) -> _Known:
-        return _Known(dict(self.grids), dict(self.priors), dict(self.pins))
+    def taken(self) -> _Known:
+        """A copy, after which nobody is gone."""
+        gone, self.gone = self.gone, set()
+        return _Known(dict(self.grids), dict(self.priors), dict(self.pins), gone)
 
 
 class Estimator:
@@ -64,10 +71,10 @@ class Estimator:
         self._told: dict[str, OccupancyGrid] = {}
         self._cells: dict[str, KnownCells] = {}
         self._frames = Frames()
-        self._admission = Admission(self._hold, self._config["evidence"]["min_probability"])
         self._held: list[Held] = []
         self._by_prior: set[str] = set()
         self._placements: dict[str, int] = {}
+        self._covariances: dict[str, NDArray[np.float64]] = {}
         self._drawn: dict[int, tuple[Any, OccupancyGrid]] = {}
 
     def update(self, grid: OccupancyGrid) -> None:
@@ -90,6 +97,7 @@ class Estimator:
             if name not in self._known.grids:
                 raise MapmeldError(one_line(f"remove: no robot is called {name!r}"))
             del self._known.grids[name]
+            self._known.gone.add(name)
             self._known.priors.pop(name, None)
             self._known.pins.pop(name, None)
 
@@ -122,41 +130,60 @@ class Estimator:
                 raise MapmeldError(one_line(f"unpin: {name!r} is not pinned"))
             del self._known.pins[name]
 
-    def estimate(self, progress: Progress | None = None) -> Estimate:
+    def estimate(self, progress: Progress | None = None, maps_are_done: bool = False) -> Estimate:
         """Where all robots are, told from what is known when this begins.
 
         progress: called between pieces of work, on the calling thread; what it raises ends the estimate. The
         pairs that were registered until then are kept, and what is held stays as it was. An estimate waits
         for one that runs in another thread.
+
+        maps_are_done: no map will grow for now. New links need no more than a merge asks for then; while
+        maps grow they must be clearer, see Hold.
         """
         with self._turn:
             started = time.perf_counter()
             with self._changing:
-                known = self._known.copy()
+                known = self._known.taken()
+            self._forget(known.gone)
             self._tell_session(known.grids)
             if not known.grids:
                 self._held, self._by_prior, self._placements, self._drawn = [], set(), {}, {}
                 return Estimate((), (), None, 0, time.perf_counter() - started)
             result, registered = self._merge(known, progress, started)
-            held, against, unclear = self._follow(result, known, progress)
+            held, against, unclear = self._follow(result, known, progress, maps_are_done)
             self._count(held)
             self._held = held
             self._by_prior = {m.name for m in result.maps if m.status == "prior"}
             components = tuple(self._component(h, known.grids) for h in held)
             self._drawn = {h.frame: self._drawn[h.frame] for h in held}
             centres = {n: c.centre for n, c in self._cells.items()}
+            self._covariances = _covariances(result, held, self._covariances)
             of_robot = tuple(
                 robots.tell(
-                    m, held, against, unclear, known.pins, result, centres, self._placements.get(m.name, 0)
+                    m,
+                    held,
+                    against,
+                    unclear,
+                    known.pins,
+                    result,
+                    centres,
+                    self._covariances.get(m.name),
+                    self._placements.get(m.name, 0),
                 )
                 for m in sorted(result.maps, key=lambda m: m.name)
             )
             return Estimate(of_robot, components, result, registered, time.perf_counter() - started)
 
-    def _tell_session(self, grids: Mapping[str, OccupancyGrid]) -> None:
-        for name in self._told.keys() - grids.keys():
+    def _forget(self, gone: Set[str]) -> None:
+        for name in gone & self._told.keys():
             self._session.remove(name)
             del self._told[name], self._cells[name]
+        self._placements = {n: k for n, k in self._placements.items() if n not in gone}
+        self._covariances = {n: c for n, c in self._covariances.items() if n not in gone}
+        left = [(h, {n: T for n, T in h.poses.items() if n not in gone}) for h in self._held]
+        self._held = [Held(h.frame, h.anchor, h.is_world, poses) for h, poses in left if poses]
+
+    def _tell_session(self, grids: Mapping[str, OccupancyGrid]) -> None:
         for name, grid in grids.items():
             if self._told.get(name) is not grid:
                 self._session.update(name, grid.data, grid.resolution, grid.origin)
@@ -166,7 +193,7 @@ class Estimator:
     def _merge(self, known: _Known, progress: Progress | None, started: float) -> tuple[MergeResult, int]:
         """The merge of the maps as they are, its components in the frames of those that are held."""
         first = sorted(self._held, key=lambda h: (not h.is_world, -len(h.poses)))
-        anchors = [h.anchor for h in first if h.anchor in known.grids]
+        anchors = [h.anchor for h in first if h.anchor in h.poses]
         references = [*anchors, *(n for n in known.grids if n not in anchors)]
         found = self._session.merge(references, _priors(known), progress)
         seconds = {**found["seconds"], "merge": time.perf_counter() - started}
@@ -174,7 +201,7 @@ class Estimator:
         return result, found["registered_pairs"]
 
     def _follow(
-        self, result: MergeResult, known: _Known, progress: Progress | None
+        self, result: MergeResult, known: _Known, progress: Progress | None, maps_are_done: bool
     ) -> tuple[list[Held], dict[str, float], dict[str, float]]:
         """What is held from now on; the robots that it holds where the merge does not, and those that it does
         not place where the merge does, each with the probability of that place."""
@@ -190,8 +217,9 @@ class Estimator:
         units = holding.units(self._held, groups, free, centres, self._hold, ask)
         against = {n: p for u in units for n, p in u.against.items()}
         sure = self._by_prior | {name for name, *_ in priors}
-        areas = {n: c.area for n, c in self._cells.items()}
-        groups, unclear = self._admission.admitted(groups, units, sure, centres, areas, ask)
+        enough = self._config["evidence"]["min_probability"]
+        least = enough if maps_are_done else max(enough, self._hold.join)
+        groups, unclear = admitted(groups, units, sure, centres, self._hold, least, ask)
         joined = linking.joined(groups, units, centres, self._hold)
         world_is_given = bool(known.priors or known.pins)
         followed = self._frames.follow(joined, self._held, list(known.grids), world_is_given)
@@ -253,6 +281,31 @@ def _priors(known: _Known) -> list[tuple[str, list[float], list[float] | None]]:
 
 def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
     return [(n, T.tolist()) for n, T in poses.items()]
+
+
+def _covariances(
+    result: MergeResult, held: Sequence[Held], before: Mapping[str, NDArray[np.float64]]
+) -> dict[str, NDArray[np.float64]]:
+    """Covariances relative to the anchors of what is held, in the world of priors as they are.
+
+    The merge tells them relative to its components' references. Of a robot that is held where the merge has
+    it apart from the anchor, the last that was told stands.
+    """
+    placed = {m.name: m for m in result.maps}
+    told: dict[str, NDArray[np.float64]] = {}
+    for h in held:
+        anchor = placed[h.anchor].component
+        for name in h.poses:
+            component = result.components[placed[name].component]
+            if not component.in_world and name == h.anchor:
+                covariance = np.zeros((3, 3))
+            elif component.in_world or placed[name].component == anchor or name not in before:
+                covariance = np.array(placed[name].covariance)
+            else:
+                covariance = np.array(before[name])
+            covariance.setflags(write=False)
+            told[name] = covariance
+    return told
 
 
 def _groups(result: MergeResult) -> list[Group]:

@@ -26,9 +26,8 @@ first that is the same place, by index; and the probability of the best other pl
 class Hold:
     """How firmly an estimate holds on to what the one before said.
 
-    join: how probable a new link must be to be told at once. growth: one that is merely probable enough
-        for a merge (evidence.min_probability) is told once the maps on both sides have grown by this factor,
-        in known area together, with the link standing all the time.
+    join: how probable a new link must be while maps grow. One that is merely probable enough for a merge
+        (evidence.min_probability) comes up by chance when it is looked for after every update.
     keep: how probable a held place must be, against none of the places that fit being right, to stay. A
         merge needs more: that this is lower keeps growing maps from flickering.
     replace: the share, of its own probability and that of the held place, from which another place takes
@@ -41,8 +40,7 @@ class Hold:
     Raises MapmeldError for a value out of range.
     """
 
-    join: float = 0.98
-    growth: float = 1.5
+    join: float = 0.99
     keep: float = 0.5
     replace: float = 0.95
     noise_m: float = 0.2
@@ -52,7 +50,6 @@ class Hold:
     def __post_init__(self) -> None:
         for key, low, high in (
             ("join", 0.0, 1.0),
-            ("growth", 1.0, np.inf),
             ("keep", 0.0, 1.0),
             ("replace", 0.5, 1.0),
             ("noise_m", 0.0, np.inf),

@@ -50,8 +50,8 @@ def reason(
 
 
 def _merged(name: str, own: Sequence[Pair]) -> str:
-    """From the pairs that put the map where it lies. Their evidence is that of two maps alone: what several say
-    together can be more."""
+    """From the pairs that put the map where it lies. Their evidence is that of two maps alone: what several
+    say together can be more."""
     if not own:
         return "held by other maps together"
     best = max(own, key=lambda p: p.probability)

@@ -34,6 +34,7 @@ pub mod evidence;
 pub mod filter;
 pub mod fuse;
 pub mod grid;
+pub mod joining;
 pub mod likelihood_field;
 pub mod local_map;
 pub mod merge;

@@ -9,15 +9,16 @@ use crate::evidence::{self, World};
 use crate::filter::{ParticleFilter, Step};
 use crate::fuse;
 use crate::grid::OccupancyGrid;
+use crate::joining;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::noise;
-use crate::prior::{self, Prior};
+use crate::prior;
 use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::verdict;
-use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
+use crate::virtual_robot::{PairTable, VirtualRobot};
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
@@ -88,7 +89,8 @@ fn run(
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    while let Some(joined) = join(lent, cache, &pairs, &clusters, (known, rung), config, observer)?
+    while let Some(joined) =
+        joining::join(lent, cache, &pairs, &clusters, (known, rung), config, observer)?
     {
         clusters = joined;
     }
@@ -154,7 +156,12 @@ pub(crate) fn registered(
 }
 
 /// The verdicts on all pairs.
-fn judged(found: Vec<Registered>, rung: usize, maps: &[LocalMap], config: &Config) -> PairTable {
+pub(crate) fn judged(
+    found: Vec<Registered>,
+    rung: usize,
+    maps: &[LocalMap],
+    config: &Config,
+) -> PairTable {
     let judge = |f: Registered| {
         let two = [&maps[f.a], &maps[f.b]];
         verdict::of_pair(f, rung, two, &config.evidence)
@@ -164,7 +171,7 @@ fn judged(found: Vec<Registered>, rung: usize, maps: &[LocalMap], config: &Confi
 
 /// Lets the virtual robot travel from a reference as far as the evidence carries, then from another
 /// one through the maps that are left. One list of worlds, most probable first, for each travel.
-fn travel(
+pub(crate) fn travel(
     mut robot: VirtualRobot,
     known: &Known,
     observer: Observer,
@@ -202,94 +209,6 @@ fn tell_all(clusters: &mut [Cluster]) {
     for c in clusters.iter_mut().filter(|c| c.members.iter().any(|m| !told.contains(m))) {
         c.stories = c.worlds.clone();
     }
-}
-
-/// One travel with the clusters as maps; none when no two of them join.
-fn join(
-    lent: &Lent,
-    cache: &mut Cache,
-    pairs: &PairTable,
-    clusters: &[Cluster],
-    (known, rung): (&Known, usize),
-    config: &Config,
-    observer: Observer,
-) -> Result<Option<Vec<Cluster>>> {
-    // Single maps alone tell nothing that their pairs have not told.
-    if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
-        return Ok(None);
-    }
-    let maps = lent.maps.as_slice();
-    let merged = as_maps(lent, cache, clusters, config, observer)?;
-    let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
-    let found = cache.register(&merged, hints, config, observer);
-    let joined = found.and_then(|(found, _)| {
-        let pairs = judged(found, 0, &merged.maps, config);
-        travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, observer)
-    });
-    cache.give_back(merged);
-    joined
-}
-
-/// The clusters as maps of their own.
-fn as_maps(
-    lent: &Lent,
-    cache: &mut Cache,
-    clusters: &[Cluster],
-    config: &Config,
-    observer: Observer,
-) -> Result<Lent> {
-    let several: Vec<&Cluster> = clusters.iter().filter(|c| c.members.len() > 1).collect();
-    let grids = parallel::map(&several, |c| c.fused(&lent.maps, config));
-    let grids = grids.into_iter().collect::<Result<Vec<_>>>()?;
-    let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
-    let fused = cache.take(&grids, Stage::Join, config, observer)?;
-    let mut fused = fused.maps.into_iter().zip(fused.digests);
-    let of_cluster = |c: &Cluster| match c.members[..] {
-        [only] => (lent.maps[only].clone(), lent.digests[only]),
-        _ => fused.next().expect("one for each cluster of several maps"),
-    };
-    let (maps, digests) = clusters.iter().map(of_cluster).unzip();
-    Ok(Lent { maps, digests })
-}
-
-/// One travel with the clusters as maps, their pairs judged; none when no two of them join.
-fn travel_among(
-    maps: &[LocalMap],
-    merged: &[LocalMap],
-    pairs: &PairTable,
-    clusters: &[Cluster],
-    (known, rung): (&Known, usize),
-    config: &Config,
-    observer: Observer,
-) -> Result<Option<Vec<Cluster>>> {
-    let first = known.order.as_ref().and_then(|o| o.first().copied());
-    let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
-    // What members know of their poses tells where their cluster lies.
-    let of_cluster = |c: &Cluster| Prior::of_frame(&c.with_priors(&known.priors));
-    let priors: Vec<Option<Prior>> = clusters.iter().map(of_cluster).collect();
-    let of_maps = &known.priors;
-    let known = Known { order: first.map(|c| vec![c]), ..Known::default() };
-    let overlays = parallel::map(clusters, |c| c.overlay(maps));
-    let robot = VirtualRobot {
-        maps: merged,
-        pairs,
-        open: vec![true; merged.len()],
-        order: None,
-        config,
-        rung,
-        priors: &priors,
-        parts: Some(Parts { maps, overlays: &overlays }),
-    };
-    let travelled = travel(robot, &known, observer)?;
-    if travelled.len() == clusters.len() {
-        return Ok(None);
-    }
-    let joined: Vec<Cluster> = travelled
-        .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, of_maps, config))
-        .collect();
-    // What is split off again has not joined.
-    Ok((joined.len() < clusters.len()).then_some(joined))
 }
 
 /// Where the robot starts through the next component: at a pinned map, at the first map of the known order, or at

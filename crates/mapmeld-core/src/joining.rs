@@ -1,0 +1,100 @@
+//! Clusters that join: the robot travels among merged maps as it does among maps.
+
+use crate::cache::{self, Cache, Lent, Noted};
+use crate::cluster::Cluster;
+use crate::config::Config;
+use crate::error::Result;
+use crate::local_map::LocalMap;
+use crate::merge::{judged, travel};
+use crate::parallel;
+use crate::prior::Prior;
+use crate::result::{Known, Observer, Stage};
+use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
+
+/// One travel with the clusters as maps; none when no two of them join.
+pub(crate) fn join(
+    lent: &Lent,
+    cache: &mut Cache,
+    pairs: &PairTable,
+    clusters: &[Cluster],
+    (known, rung): (&Known, usize),
+    config: &Config,
+    observer: Observer,
+) -> Result<Option<Vec<Cluster>>> {
+    // Single maps alone tell nothing that their pairs have not told.
+    if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
+        return Ok(None);
+    }
+    let maps = lent.maps.as_slice();
+    let merged = as_maps(lent, cache, clusters, config, observer)?;
+    let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
+    let found = cache.register(&merged, hints, config, observer);
+    let joined = found.and_then(|(found, _)| {
+        let pairs = judged(found, 0, &merged.maps, config);
+        travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, observer)
+    });
+    cache.give_back(merged);
+    joined
+}
+
+/// The clusters as maps of their own.
+fn as_maps(
+    lent: &Lent,
+    cache: &mut Cache,
+    clusters: &[Cluster],
+    config: &Config,
+    observer: Observer,
+) -> Result<Lent> {
+    let several: Vec<&Cluster> = clusters.iter().filter(|c| c.members.len() > 1).collect();
+    let grids = parallel::map(&several, |c| c.fused(&lent.maps, config));
+    let grids = grids.into_iter().collect::<Result<Vec<_>>>()?;
+    let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
+    let fused = cache.take(&grids, Stage::Join, config, observer)?;
+    let mut fused = fused.maps.into_iter().zip(fused.digests);
+    let of_cluster = |c: &Cluster| match c.members[..] {
+        [only] => (lent.maps[only].clone(), lent.digests[only]),
+        _ => fused.next().expect("one for each cluster of several maps"),
+    };
+    let (maps, digests) = clusters.iter().map(of_cluster).unzip();
+    Ok(Lent { maps, digests })
+}
+
+/// One travel with the clusters as maps, their pairs judged; none when no two of them join.
+fn travel_among(
+    maps: &[LocalMap],
+    merged: &[LocalMap],
+    pairs: &PairTable,
+    clusters: &[Cluster],
+    (known, rung): (&Known, usize),
+    config: &Config,
+    observer: Observer,
+) -> Result<Option<Vec<Cluster>>> {
+    let first = known.order.as_ref().and_then(|o| o.first().copied());
+    let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
+    // What members know of their poses tells where their cluster lies.
+    let of_cluster = |c: &Cluster| Prior::of_frame(&c.with_priors(&known.priors));
+    let priors: Vec<Option<Prior>> = clusters.iter().map(of_cluster).collect();
+    let of_maps = &known.priors;
+    let known = Known { order: first.map(|c| vec![c]), ..Known::default() };
+    let overlays = parallel::map(clusters, |c| c.overlay(maps));
+    let robot = VirtualRobot {
+        maps: merged,
+        pairs,
+        open: vec![true; merged.len()],
+        order: None,
+        config,
+        rung,
+        priors: &priors,
+        parts: Some(Parts { maps, overlays: &overlays }),
+    };
+    let travelled = travel(robot, &known, observer)?;
+    if travelled.len() == clusters.len() {
+        return Ok(None);
+    }
+    let joined: Vec<Cluster> = travelled
+        .into_iter()
+        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, of_maps, config))
+        .collect();
+    // What is split off again has not joined.
+    Ok((joined.len() < clusters.len()).then_some(joined))
+}

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mapmeld._core import __version__
     from mapmeld.config import default_config, load_config
     from mapmeld.errors import ConfigError, MapFileError, MapmeldError
+    from mapmeld.estimate import Estimate, EstimatedComponent, Prior, RobotEstimate, RunnerUp
+    from mapmeld.estimator import Estimator
     from mapmeld.grid import OccupancyGrid
     from mapmeld.map_features import MapFeatures, features
     from mapmeld.map_io import read_map, write_map
@@ -24,12 +26,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ConfigError",
+    "Estimate",
+    "EstimatedComponent",
+    "Estimator",
     "MapFeatures",
     "MapFileError",
     "MapmeldError",
     "MergeResult",
     "OccupancyGrid",
     "PlacedMap",
+    "Prior",
+    "RobotEstimate",
+    "RunnerUp",
     "__version__",
     "default_config",
     "features",
@@ -40,15 +48,21 @@ __all__ = [
     "write_output",
 ]
 
-# No module may be called like a function here: importing the module would put it in the function's place.
+# No module may be called like a name here: importing the module would put it in that one's place.
 _HOME = {
     "ConfigError": "errors",
+    "Estimate": "estimate",
+    "EstimatedComponent": "estimate",
+    "Estimator": "estimator",
     "MapFeatures": "map_features",
     "MapFileError": "errors",
     "MapmeldError": "errors",
     "MergeResult": "result",
     "OccupancyGrid": "grid",
     "PlacedMap": "result",
+    "Prior": "estimate",
+    "RobotEstimate": "estimate",
+    "RunnerUp": "estimate",
     "__version__": "_core",
     "default_config": "config",
     "features": "map_features",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "LocalMap",
+    "Session",
     "__version__",
     "candidates",
     "default_config",
@@ -88,16 +89,18 @@ class _Step(TypedDict):
     resampled: bool
     log_evidence: float
 
-class _Component(TypedDict):
+class _Fused(TypedDict):
+    data: NDArray[np.int8]
+    resolution: float
+    origin: list[float]
+
+class _Component(_Fused):
     reference: int
     order: list[int]
     rms: float | None
     conflict_cells: int
     shared_cells: int
     steps: list[_Step]
-    data: NDArray[np.int8]
-    resolution: float
-    origin: list[float]
 
 class _Hypothesis(TypedDict):
     probability: float
@@ -118,6 +121,7 @@ class _Merge(TypedDict):
     probability: float
     hypotheses: list[_Hypothesis]
     pairs: list[_Pair]
+    registered_pairs: int
     seconds: dict[str, float]
 
 @final
@@ -130,6 +134,17 @@ class LocalMap:
     def corners(self) -> _Corners: ...
     def mirrored(self, config: str) -> LocalMap: ...
     def class_counts(self) -> tuple[int, int, int]: ...
+
+@final
+class Session:
+    def __new__(cls, config: str) -> Session: ...
+    def update(
+        self, name: str, data: NDArray[np.int8], resolution: float, origin: Sequence[float]
+    ) -> bool: ...
+    def remove(self, name: str) -> bool: ...
+    def names(self) -> list[str]: ...
+    def merge(self, progress: Callable[[str, int, int], object] | None = None) -> _Merge: ...
+    def fuse(self, name: str, placed: Sequence[tuple[str, Sequence[float]]]) -> _Fused: ...
 
 def default_config() -> str: ...
 def effective_config(config: str) -> str: ...

@@ -79,7 +79,7 @@ def merge(
         progress,
     )
     seconds = {**found["seconds"], "merge": time.perf_counter() - started}
-    return _result(found, names, options, seconds)
+    return result_of(found, names, options, seconds)
 
 
 def _checked(maps: Sequence[OccupancyGrid]) -> list[OccupancyGrid]:
@@ -136,9 +136,10 @@ def _index(key: str | SupportsIndex, names: list[str], what: str) -> int:
     return index
 
 
-def _result(
+def result_of(
     found: _core._Merge, names: list[str], options: dict[str, Any], seconds: dict[str, float]
 ) -> MergeResult:
+    """What the core found, told of the maps by their names."""
     components = [
         Component(
             reference=names[c["reference"]],

@@ -5,6 +5,12 @@ use crate::grid::OccupancyGrid;
 use crate::registration::{pair, PairModes};
 use crate::result::{Known, Merge};
 
+/// What a map shows, without its name.
+pub fn key(grid: &OccupancyGrid) -> (usize, usize, [u64; 4], &[i8]) {
+    let numbers = [grid.resolution(), grid.origin().x, grid.origin().y, grid.origin().theta];
+    (grid.height(), grid.width(), numbers.map(f64::to_bits), grid.cells())
+}
+
 /// Which map comes where: `order[k]` is the given index of the k-th.
 #[derive(Debug, Clone)]
 pub struct Canonical {
@@ -14,12 +20,8 @@ pub struct Canonical {
 
 impl Canonical {
     /// Sorts by size, resolution, origin and cells. Names do not count.
-    pub fn of(grids: &[OccupancyGrid]) -> Self {
-        let key = |k: usize| {
-            let g: &OccupancyGrid = &grids[k];
-            let numbers = [g.resolution(), g.origin().x, g.origin().y, g.origin().theta];
-            (g.height(), g.width(), numbers.map(f64::to_bits), g.cells())
-        };
+    pub fn of(grids: &[&OccupancyGrid]) -> Self {
+        let key = |k: usize| key(grids[k]);
         let mut order: Vec<usize> = (0..grids.len()).collect();
         order.sort_by(|a, b| key(*a).cmp(&key(*b)));
         let mut place = vec![0; order.len()];
@@ -28,9 +30,8 @@ impl Canonical {
     }
 
     /// The maps in this order.
-    pub fn arranged(&self, grids: Vec<OccupancyGrid>) -> Vec<OccupancyGrid> {
-        let mut given: Vec<Option<OccupancyGrid>> = grids.into_iter().map(Some).collect();
-        self.order.iter().map(|k| given[*k].take().expect("every map comes once")).collect()
+    pub fn arranged<'g>(&self, grids: &[&'g OccupancyGrid]) -> Vec<&'g OccupancyGrid> {
+        self.order.iter().map(|k| grids[*k]).collect()
     }
 
     /// What is known, told of the maps in this order.
@@ -67,6 +68,7 @@ impl Canonical {
                 .collect(),
             probability: merge.probability,
             pairs,
+            registered_pairs: merge.registered_pairs,
             seconds: merge.seconds,
         }
     }

@@ -104,13 +104,9 @@ impl Cluster {
         members.fold(Overlay::default(), |below, (m, t)| below.with(maps, *m, *t, 1.0, false))
     }
 
-    /// The cluster as a map of its own.
-    pub fn to_local_map(&self, maps: &[LocalMap], config: &Config) -> Result<LocalMap> {
-        let grid = match self.members[..] {
-            [only] => maps[only].grid.clone(),
-            _ => fuse::fuse("cluster", &self.placed(maps), &config.fuse)?.grid,
-        };
-        Ok(LocalMap::new(grid, config))
+    /// The cluster's merged map.
+    pub fn fused(&self, maps: &[LocalMap], config: &Config) -> Result<OccupancyGrid> {
+        Ok(fuse::fuse("cluster", &self.placed(maps), &config.fuse)?.grid)
     }
 
     /// `T_self_other` by the modes of every pair of members, where they are no worse than chance.

@@ -24,6 +24,7 @@
 //! ```
 #![warn(missing_docs)]
 pub mod boundary;
+pub mod cache;
 pub mod canonical;
 pub mod cluster;
 pub mod config;
@@ -42,6 +43,7 @@ pub mod refine;
 pub mod registration;
 pub mod result;
 pub mod se2;
+pub mod session;
 pub mod structure;
 pub mod verdict;
 pub mod virtual_robot;
@@ -53,3 +55,4 @@ pub use local_map::LocalMap;
 pub use merge::merge;
 pub use result::{Known, Merge};
 pub use se2::Se2;
+pub use session::Session;

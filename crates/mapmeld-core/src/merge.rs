@@ -1,5 +1,6 @@
 //! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
 
+use crate::cache::Cache;
 use crate::canonical::Canonical;
 use crate::cluster::Cluster;
 use crate::config::Config;
@@ -11,9 +12,8 @@ use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::noise;
-use crate::registration::{pair, Registered};
+use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
-use crate::se2::Se2;
 use crate::verdict;
 use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
 use std::time::Instant;
@@ -27,37 +27,52 @@ pub fn merge(
     observer: Observer,
 ) -> Result<Merge> {
     config.validate()?;
-    check_known(known, grids.len())?;
-    let canonical = Canonical::of(&grids);
-    let (grids, known) = (canonical.arranged(grids), canonical.known(known));
-    let found = parallel::with_threads(config.threads, || run(grids, &known, config, observer))?;
-    Ok(canonical.restored(found?))
+    let grids: Vec<&OccupancyGrid> = grids.iter().collect();
+    merge_with(&mut Cache::passing(), &grids, known, config, observer)
 }
 
-fn run(
-    grids: Vec<OccupancyGrid>,
+/// A merge that takes what it can from a cache, of the same configuration, and leaves there what it works out.
+pub(crate) fn merge_with(
+    cache: &mut Cache,
+    grids: &[&OccupancyGrid],
     known: &Known,
     config: &Config,
     observer: Observer,
 ) -> Result<Merge> {
-    let mut clock = Clock::new();
+    check_known(known, grids.len())?;
+    let canonical = Canonical::of(grids);
+    let (grids, known) = (canonical.arranged(grids), canonical.known(known));
+    let found = parallel::with_threads(config.threads, || {
+        let mut clock = Clock::new();
+        // Section 5: data points, lines, corners.
+        let maps = cache.take(&grids, Stage::Prepare, config, observer)?;
+        clock.lap("prepare");
+        let found = run(&maps, cache, &known, config, (observer, clock));
+        cache.give_back(maps);
+        found
+    })?;
+    Ok(canonical.restored(found?))
+}
 
-    // Section 5: data points, lines, corners.
-    let maps = observed(&grids, Stage::Prepare, observer, |g| LocalMap::new(g.clone(), config))?;
-    clock.lap("prepare");
-
+fn run(
+    maps: &[LocalMap],
+    cache: &mut Cache,
+    known: &Known,
+    config: &Config,
+    (observer, mut clock): (Observer, Clock),
+) -> Result<Merge> {
     // Section 3: the possible motions u_t of every pair, once for all particles. How bent the maps are is
     // learnt from the pairs that fit best.
-    let found = register_all(&maps, |_, _| Vec::new(), config, observer)?;
+    let (found, registered_pairs) = cache.register(maps, |_, _| Vec::new(), config, observer)?;
     let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
-    let pairs = judged(found, rung, &maps, config);
+    let pairs = judged(found, rung, maps, config);
     let perception = config.perception.rungs().swap_remove(rung);
     let config = &Config { perception, ..config.clone() };
     clock.lap("register");
 
     // Sections 2 and 4: the virtual robot travels through each component.
     let robot = VirtualRobot {
-        maps: &maps,
+        maps,
         pairs: &pairs,
         open: maps.iter().map(|m| !m.is_blank()).collect(),
         order: known.order.as_deref(),
@@ -67,12 +82,13 @@ fn run(
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::of_travel(&maps, worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, config))
         .collect();
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    while let Some(joined) = join(&maps, &pairs, &clusters, (known, rung), config, observer)? {
+    while let Some(joined) = join(maps, cache, &pairs, &clusters, (known, rung), config, observer)?
+    {
         clusters = joined;
     }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
@@ -80,7 +96,7 @@ fn run(
     // A named reference lends its frame; where the robot starts is for the evidence to say.
     if let Some(r) = known.reference {
         clusters.iter_mut().filter(|c| c.members.contains(&r)).for_each(|c| {
-            c.rebase(r, &maps, config);
+            c.rebase(r, maps, config);
         });
     }
     clock.lap("join");
@@ -93,30 +109,15 @@ fn run(
             order: c.members.clone(),
             steps: c.steps.clone(),
             rms: c.rms,
-            fused: fuse::fuse("merged", &c.placed(&maps), &config.fuse)?,
+            fused: fuse::fuse("merged", &c.placed(maps), &config.fuse)?,
         });
     }
-    let placements = evidence::placements(&maps, &clusters);
+    let placements = evidence::placements(maps, &clusters);
     let hypotheses = evidence::hypotheses(&clusters);
     let probability = clusters.iter().map(|c| c.worlds[0].certainty()).product();
     clock.lap("fuse");
     let (pairs, seconds) = (pairs.into_pairs(), clock.laps);
-    Ok(Merge { placements, components, probability, hypotheses, pairs, seconds })
-}
-
-/// Registers every pair, each hinted at some transforms.
-fn register_all(
-    maps: &[LocalMap],
-    hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
-    config: &Config,
-    observer: Observer,
-) -> Result<Vec<Registered>> {
-    let n = maps.len();
-    let mirrored = observed(maps, Stage::Register, observer, |m| m.mirrored(config))?;
-    let todo: Vec<(usize, usize)> = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
-    observed(&todo, Stage::Register, observer, |(a, b)| {
-        pair::register(&maps[*a], &maps[*b], Some(&mirrored[*b]), &hints(*a, *b), (*a, *b), config)
-    })
+    Ok(Merge { placements, components, probability, hypotheses, pairs, registered_pairs, seconds })
 }
 
 /// The verdicts on all pairs.
@@ -173,6 +174,7 @@ fn tell_all(clusters: &mut [Cluster]) {
 /// One travel with the clusters as maps; none when no two of them join.
 fn join(
     maps: &[LocalMap],
+    cache: &mut Cache,
     pairs: &PairTable,
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
@@ -183,19 +185,54 @@ fn join(
     if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
         return Ok(None);
     }
-    let merged = observed(clusters, Stage::Join, observer, |c| c.to_local_map(maps, config))?
-        .into_iter()
-        .collect::<Result<Vec<_>>>()?;
+    let merged = as_maps(maps, cache, clusters, config, observer)?;
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
-    let found = register_all(&merged, hints, config, observer)?;
-    let pairs = judged(found, 0, &merged, config);
+    let found = cache.register(&merged, hints, config, observer);
+    let joined = found.and_then(|(found, _)| {
+        let pairs = judged(found, 0, &merged, config);
+        travel_among(maps, &merged, &pairs, clusters, (known, rung), config, observer)
+    });
+    cache.give_back(merged);
+    joined
+}
+
+/// The clusters as maps of their own.
+fn as_maps(
+    maps: &[LocalMap],
+    cache: &mut Cache,
+    clusters: &[Cluster],
+    config: &Config,
+    observer: Observer,
+) -> Result<Vec<LocalMap>> {
+    let several: Vec<&Cluster> = clusters.iter().filter(|c| c.members.len() > 1).collect();
+    let grids = parallel::map(&several, |c| c.fused(maps, config));
+    let grids = grids.into_iter().collect::<Result<Vec<_>>>()?;
+    let grids: Vec<&OccupancyGrid> = grids.iter().collect();
+    let mut fused = cache.take(&grids, Stage::Join, config, observer)?.into_iter();
+    let of_cluster = |c: &Cluster| match c.members[..] {
+        [only] => maps[only].clone(),
+        _ => fused.next().expect("one for each cluster of several maps"),
+    };
+    Ok(clusters.iter().map(of_cluster).collect())
+}
+
+/// One travel with the clusters as maps, their pairs judged; none when no two of them join.
+fn travel_among(
+    maps: &[LocalMap],
+    merged: &[LocalMap],
+    pairs: &PairTable,
+    clusters: &[Cluster],
+    (known, rung): (&Known, usize),
+    config: &Config,
+    observer: Observer,
+) -> Result<Option<Vec<Cluster>>> {
     let first = known.order.as_ref().and_then(|o| o.first().copied());
     let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
     let known = Known { order: first.map(|c| vec![c]), reference: None };
     let overlays = parallel::map(clusters, |c| c.overlay(maps));
     let robot = VirtualRobot {
-        maps: &merged,
-        pairs: &pairs,
+        maps: merged,
+        pairs,
         open: vec![true; merged.len()],
         order: None,
         config,
@@ -267,23 +304,6 @@ fn observe(observer: Observer, stage: Stage, done: usize, total: usize) -> Resul
     } else {
         Err(Error::Interrupted)
     }
-}
-
-/// `f` of every item in parallel, in batches between which the observer is asked.
-fn observed<T: Sync, R: Send>(
-    items: &[T],
-    stage: Stage,
-    observer: Observer,
-    f: impl Fn(&T) -> R + Sync + Send,
-) -> Result<Vec<R>> {
-    let batch = 8 * rayon::current_num_threads();
-    let mut out = Vec::with_capacity(items.len());
-    observe(observer, stage, 0, items.len())?;
-    for chunk in items.chunks(batch) {
-        out.extend(parallel::map(chunk, &f));
-        observe(observer, stage, out.len(), items.len())?;
-    }
-    Ok(out)
 }
 
 struct Clock {

@@ -59,6 +59,8 @@ pub struct Merge {
     pub hypotheses: Vec<Hypothesis>,
     /// Registration of every pair.
     pub pairs: Vec<PairModes>,
+    /// How many of them had to be registered, rather than being known from an earlier merge.
+    pub registered_pairs: usize,
     /// Seconds by stage.
     pub seconds: Vec<(&'static str, f64)>,
 }

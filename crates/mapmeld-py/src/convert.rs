@@ -2,11 +2,13 @@
 
 use mapmeld_core::config::Config;
 use mapmeld_core::error::Error;
+use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// The one place where a core error becomes a Python exception.
 pub fn to_py_err(error: Error) -> PyErr {
@@ -32,6 +34,27 @@ pub fn pose(v: [f64; 3]) -> Se2 {
     Se2::from(v)
 }
 
+/// A grid of the core; errors name the map and the field.
+pub fn grid(
+    name: String,
+    data: &PyReadonlyArray2<'_, i8>,
+    resolution: f64,
+    origin: [f64; 3],
+) -> PyResult<OccupancyGrid> {
+    let view = data.as_array();
+    let (height, width) = view.dim();
+    let cells: Vec<i8> = view.iter().copied().collect();
+    OccupancyGrid::new(name, width, height, resolution, pose(origin), cells).map_err(to_py_err)
+}
+
+/// Puts a grid's cells and place into a dict.
+pub fn set_grid(out: &Bound<'_, PyDict>, grid: &OccupancyGrid) -> PyResult<()> {
+    let cells = PyArray1::from_slice(out.py(), grid.cells());
+    out.set_item("data", cells.reshape([grid.height(), grid.width()])?)?;
+    out.set_item("resolution", grid.resolution())?;
+    out.set_item("origin", grid.origin().to_array())
+}
+
 pub fn points<'py>(
     py: Python<'py>,
     points: impl Iterator<Item = Vec2>,
@@ -41,7 +64,6 @@ pub fn points<'py>(
 
 /// An array of shape (len / columns, columns).
 pub fn rows(py: Python<'_>, columns: usize, flat: Vec<f64>) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    use numpy::PyArrayMethods;
     let n = flat.len() / columns;
     PyArray1::from_vec(py, flat).reshape([n, columns])
 }

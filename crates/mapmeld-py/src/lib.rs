@@ -3,6 +3,8 @@
 mod convert;
 mod local_map;
 mod merge;
+mod session;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -10,6 +12,7 @@ use pyo3::prelude::*;
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_class::<local_map::LocalMap>()?;
+    m.add_class::<session::Session>()?;
     m.add_function(wrap_pyfunction!(local_map::default_config, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::effective_config, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::register, m)?)?;

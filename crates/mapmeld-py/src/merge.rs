@@ -2,19 +2,12 @@
 
 use crate::convert;
 use crate::local_map::mode;
-use mapmeld_core::grid::OccupancyGrid;
+use crate::watch::{watched, Tell};
 use mapmeld_core::merge::merge as core_merge;
-use mapmeld_core::result::{Known, Merge, Stage};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyRuntimeError;
+use mapmeld_core::result::{Known, Merge};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::sync::Mutex;
-use std::time::Duration;
-
-/// How long Ctrl-C may wait to be heard.
-const SIGNAL_POLL: Duration = Duration::from_millis(50);
 
 type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
@@ -33,45 +26,15 @@ pub fn merge<'py>(
     let config = convert::config(config)?;
     let grids = maps
         .into_iter()
-        .map(|(name, data, resolution, origin)| {
-            let view = data.as_array();
-            let (height, width) = view.dim();
-            let cells: Vec<i8> = view.iter().copied().collect();
-            OccupancyGrid::new(name, width, height, resolution, convert::pose(origin), cells)
-        })
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(convert::to_py_err)?;
+        .map(|(name, data, resolution, origin)| convert::grid(name, &data, resolution, origin))
+        .collect::<PyResult<Vec<_>>>()?;
     let known = Known { order, reference };
-
-    // The core works on a thread of its own and never needs the interpreter; the calling thread, the
-    // only one that may hear of signals, waits for what the core tells. When it leaves early (Ctrl-C,
-    // or `progress` raised) the core learns so at its next piece of work, because nobody hears it.
-    let (tell, hear) = mpsc::channel();
-    let worker = std::thread::spawn(move || {
-        core_merge(grids, &known, &config, &|stage: Stage, done: usize, total: usize| {
-            tell.send((stage, done, total)).is_ok()
-        })
-    });
-    let hear = Mutex::new(hear);
-    loop {
-        py.check_signals()?;
-        let told = py.detach(|| hear.lock().expect("no other listener").recv_timeout(SIGNAL_POLL));
-        match (told, &progress) {
-            (Ok((stage, done, total)), Some(f)) => {
-                f.call1(py, (stage.name(), done, total))?;
-            }
-            (Ok(_), None) | (Err(RecvTimeoutError::Timeout), _) => {}
-            (Err(RecvTimeoutError::Disconnected), _) => break,
-        }
-    }
-    // A panic is a bug of the core: an exception like any other, so that callers can report it.
-    let found = py
-        .detach(|| worker.join())
-        .map_err(|_| PyRuntimeError::new_err("the core failed; please report this as a bug"))?;
+    let work = move |tell: Tell| core_merge(grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
+    let found = watched(py, progress, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
 }
 
-fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
+pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     let maps = PyList::empty(py);
     for p in &m.placements {
@@ -102,11 +65,7 @@ fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
             steps.append(e)?;
         }
         d.set_item("steps", steps)?;
-        let g = &c.fused.grid;
-        let data = PyArray1::from_slice(py, g.cells()).reshape([g.height(), g.width()])?;
-        d.set_item("data", data)?;
-        d.set_item("resolution", g.resolution())?;
-        d.set_item("origin", g.origin().to_array())?;
+        convert::set_grid(&d, &c.fused.grid)?;
         components.append(d)?;
     }
     out.set_item("components", components)?;
@@ -140,6 +99,8 @@ fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {
         pairs.append(d)?;
     }
     out.set_item("pairs", pairs)?;
+
+    out.set_item("registered_pairs", m.registered_pairs)?;
 
     let seconds = PyDict::new(py);
     for (stage, s) in &m.seconds {

@@ -1,0 +1,246 @@
+//! What was worked out about maps, kept for the next merge by what the maps show.
+//!
+//! A prepared map depends on its cells alone, a registered pair on its two maps and its hints alone. So both are
+//! kept by a digest of the contents: a map that did not change is found again, whatever it is called, and so are
+//! the merged maps of a join.
+
+use crate::canonical;
+use crate::config::Config;
+use crate::error::{Error, Result};
+use crate::grid::OccupancyGrid;
+use crate::local_map::LocalMap;
+use crate::parallel;
+use crate::registration::{pair, Registered};
+use crate::result::{Observer, Stage};
+use crate::se2::Se2;
+use std::collections::hash_map::DefaultHasher;
+use std::collections::HashMap;
+use std::hash::{Hash, Hasher};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Mutex;
+
+/// Merges for which something is kept that none of them used: those that were interrupted use little.
+const KEPT_FOR: u64 = 4;
+
+/// What a grid shows, in 128 bits. Names do not count.
+pub type Digest = (u64, u64);
+
+/// The digest of a grid.
+pub fn digest(grid: &OccupancyGrid) -> Digest {
+    let half = |salt: u64| {
+        let mut hasher = DefaultHasher::new();
+        salt.hash(&mut hasher);
+        canonical::key(grid).hash(&mut hasher);
+        hasher.finish()
+    };
+    (half(0), half(1))
+}
+
+/// The pair of two maps, and what hinted at it.
+type PairKey = (Digest, Digest, Vec<[u64; 3]>);
+
+struct Kept<T> {
+    value: T,
+    used: u64,
+}
+
+/// Prepared maps, their mirror images and registered pairs. Valid for one configuration.
+#[derive(Default)]
+pub struct Cache {
+    /// None: nothing outlives the merge that needs it.
+    generation: Option<u64>,
+    maps: HashMap<Digest, Kept<LocalMap>>,
+    mirrors: HashMap<Digest, Kept<LocalMap>>,
+    pairs: HashMap<PairKey, Kept<Registered>>,
+}
+
+impl Cache {
+    /// Keeps from merge to merge what they use.
+    pub fn lasting() -> Self {
+        Self { generation: Some(0), ..Self::default() }
+    }
+
+    /// Keeps nothing: for one merge alone.
+    pub fn passing() -> Self {
+        Self::default()
+    }
+
+    fn now(&self) -> u64 {
+        self.generation.unwrap_or(0)
+    }
+
+    /// A merge begins, of maps with these digests: what concerns them alone stays.
+    pub fn begin(&mut self, current: &[Digest]) {
+        let Some(generation) = &mut self.generation else { return };
+        *generation += 1;
+        let now = *generation;
+        for (key, kept) in self.maps.iter_mut().chain(&mut self.mirrors) {
+            if current.contains(key) {
+                kept.used = now;
+            }
+        }
+        for ((a, b, _), kept) in &mut self.pairs {
+            if current.contains(a) && current.contains(b) {
+                kept.used = now;
+            }
+        }
+    }
+
+    /// A merge ends. One that was interrupted did not come to use all that it needs.
+    pub fn end(&mut self, interrupted: bool) {
+        let oldest = if interrupted { self.now().saturating_sub(KEPT_FOR) } else { self.now() };
+        self.maps.retain(|_, kept| kept.used >= oldest);
+        self.mirrors.retain(|_, kept| kept.used >= oldest);
+        self.pairs.retain(|_, kept| kept.used >= oldest);
+    }
+
+    /// Number of registered pairs that are kept.
+    pub fn pairs(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Prepared maps of some grids, in their order. They are lent out of the cache: [`Cache::give_back`].
+    pub fn take(
+        &mut self,
+        grids: &[&OccupancyGrid],
+        stage: Stage,
+        config: &Config,
+        observer: Observer,
+    ) -> Result<Vec<LocalMap>> {
+        let keys: Vec<Digest> = grids.iter().map(|g| digest(g)).collect();
+        let missing = first_of_each(&keys, |key| !self.maps.contains_key(key));
+        let made =
+            observed(&missing, stage, observer, |k| LocalMap::new(grids[*k].clone(), config));
+        let used = self.now();
+        for (k, made) in missing.iter().zip(made.parts) {
+            if let Some(value) = made {
+                self.maps.insert(keys[*k], Kept { value, used });
+            }
+        }
+        made.whole?;
+        let mut taken: Vec<LocalMap> = Vec::with_capacity(grids.len());
+        for (k, key) in keys.iter().enumerate() {
+            let of_like = || keys[..k].iter().position(|other| other == key);
+            taken.push(match self.maps.remove(key) {
+                Some(kept) => kept.value,
+                // Two maps that show the same.
+                None => taken[of_like().expect("made or taken before")].clone(),
+            });
+        }
+        Ok(taken)
+    }
+
+    /// Takes maps back that were lent.
+    pub fn give_back(&mut self, maps: Vec<LocalMap>) {
+        if self.generation.is_some() {
+            let used = self.now();
+            let kept = maps.into_iter().map(|m| (digest(&m.grid), Kept { value: m, used }));
+            self.maps.extend(kept);
+        }
+    }
+
+    /// Every pair of some maps, each hinted at some transforms, and how many of them had to be registered. Those
+    /// that were are kept even when the observer ends it.
+    pub fn register(
+        &mut self,
+        maps: &[LocalMap],
+        hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
+        config: &Config,
+        observer: Observer,
+    ) -> Result<(Vec<Registered>, usize)> {
+        let n = maps.len();
+        let digests: Vec<Digest> = maps.iter().map(|m| digest(&m.grid)).collect();
+        let all: Vec<(usize, usize)> =
+            (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
+        let hints: Vec<Vec<Se2>> = parallel::map(&all, |(a, b)| hints(*a, *b));
+        let bits = |t: &Se2| t.to_array().map(f64::to_bits);
+        let key = |((a, b), hints): (&(usize, usize), &Vec<Se2>)| -> PairKey {
+            (digests[*a], digests[*b], hints.iter().map(bits).collect())
+        };
+        let keys: Vec<PairKey> = all.iter().zip(&hints).map(key).collect();
+        let missing = first_of_each(&keys, |key| !self.pairs.contains_key(key));
+
+        let used = self.now();
+        let seconds: Vec<Digest> = missing.iter().map(|k| keys[*k].1).collect();
+        let unseen: Vec<usize> = first_of_each(&seconds, |key| !self.mirrors.contains_key(key))
+            .into_iter()
+            .map(|k| all[missing[k]].1)
+            .collect();
+        let mirrors = observed(&unseen, Stage::Register, observer, |b| maps[*b].mirrored(config));
+        for (b, made) in unseen.iter().zip(mirrors.parts) {
+            if let Some(value) = made {
+                self.mirrors.insert(digests[*b], Kept { value, used });
+            }
+        }
+        mirrors.whole?;
+        let found = observed(&missing, Stage::Register, observer, |k| {
+            let (a, b) = all[*k];
+            let mirror = self.mirrors.get(&digests[b]).map(|kept| &kept.value);
+            pair::register(&maps[a], &maps[b], mirror, &hints[*k], (a, b), config)
+        });
+        for (k, found) in missing.iter().zip(found.parts) {
+            if let Some(value) = found {
+                self.pairs.insert(keys[*k].clone(), Kept { value, used });
+            }
+        }
+        found.whole?;
+        for b in &digests {
+            if let Some(kept) = self.mirrors.get_mut(b) {
+                kept.used = used;
+            }
+        }
+        if self.generation.is_none() {
+            self.mirrors.clear();
+        }
+        let told = all.iter().zip(&keys).map(|((a, b), key)| {
+            let kept = self.pairs.get_mut(key).expect("registered above");
+            kept.used = used;
+            Registered { a: *a, b: *b, ..kept.value.clone() }
+        });
+        let told = told.collect();
+        if self.generation.is_none() {
+            self.pairs.clear();
+        }
+        Ok((told, missing.len()))
+    }
+}
+
+/// Indices of the first of each different key of those wanted.
+fn first_of_each<K: Eq + Hash>(keys: &[K], wanted: impl Fn(&K) -> bool) -> Vec<usize> {
+    let mut seen = std::collections::HashSet::new();
+    (0..keys.len()).filter(|k| wanted(&keys[*k]) && seen.insert(&keys[*k])).collect()
+}
+
+/// What came out of some work that an observer may end.
+pub struct Observed<R> {
+    /// One for each item; none where the work had not begun when it was ended.
+    pub parts: Vec<Option<R>>,
+    /// Whether all was done.
+    pub whole: Result<()>,
+}
+
+/// `f` of every item in parallel; the observer is asked after each.
+pub fn observed<T: Sync, R: Send>(
+    items: &[T],
+    stage: Stage,
+    observer: Observer,
+    f: impl Fn(&T) -> R + Sync + Send,
+) -> Observed<R> {
+    let ended = AtomicBool::new(!observer(stage, 0, items.len()));
+    let done = Mutex::new(0);
+    let parts = parallel::map(items, |item| {
+        if ended.load(Ordering::Relaxed) {
+            return None;
+        }
+        let made = f(item);
+        // Held while the observer is told, so that it hears the numbers in their order.
+        let mut done = done.lock().expect("observers do not panic");
+        *done += 1;
+        if !observer(stage, *done, items.len()) {
+            ended.store(true, Ordering::Relaxed);
+        }
+        Some(made)
+    });
+    let whole = if ended.into_inner() { Err(Error::Interrupted) } else { Ok(()) };
+    Observed { parts, whole }
+}

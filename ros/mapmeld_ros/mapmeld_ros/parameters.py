@@ -99,11 +99,6 @@ class Parameters:
         True, "Whether the node configures and activates itself; false leaves that to a lifecycle manager."
     )
 
-    @property
-    def min_probability(self) -> float:
-        """The probability that a merge must reach: estimation_confidence 0, 1, 2 are 0, 0.8, 0.96."""
-        return 1.0 - 0.2**self.estimation_confidence
-
 
 LIVE = frozenset(f.name for f in dataclasses.fields(Parameters) if f.metadata["is_live"])
 """Names of those that may change while the node is configured."""

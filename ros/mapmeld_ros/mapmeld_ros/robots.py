@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from builtin_interfaces.msg import Time
 from map_msgs.msg import OccupancyGridUpdate
@@ -27,7 +27,7 @@ class Robot:
     heard: float
     grid: OccupancyGrid | None = None
     frame: str = ""
-    stamp: Time = Time()
+    stamp: Time = field(default_factory=Time)
     bad: str = ""
 
 

@@ -1,0 +1,259 @@
+"""What the node does while it is active: finds robots, takes their maps, publishes what comes of them."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from map_msgs.msg import OccupancyGridUpdate
+from mapmeld import Estimate
+from mapmeld_msgs.msg import MergeEstimate
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+from rclpy.clock import Clock, ClockType
+
+from mapmeld_ros.checks import BadMessage
+from mapmeld_ros.discovery import TF_TYPE, find_robots, in_namespace, with_own_tf
+from mapmeld_ros.estimation import EstimationWorker
+from mapmeld_ros.known_poses import BadKnownPose
+from mapmeld_ros.listening import RobotListener
+from mapmeld_ros.merged_maps import MergeWorker
+from mapmeld_ros.publishing import Publishing
+from mapmeld_ros.result_message import estimate_message
+from mapmeld_ros.session import Known, MergeSession
+from mapmeld_ros.status_message import diagnostics_message
+from mapmeld_ros.throttle import Throttle
+from mapmeld_ros.transforms import link, plan
+
+if TYPE_CHECKING:
+    from mapmeld_ros.node import MapMerge
+
+# How often the node looks after the robots that it knows: their publishers' quality of service, their silence.
+_TICK_SECONDS = 0.5
+# Right after the start the graph is still being found, so robots are looked for at every tick for so long.
+_EAGER_SECONDS = 10.0
+_TF_SECONDS = 0.1
+_DIAGNOSTICS_SECONDS = 1.0
+
+
+class Active:
+    """Listens and publishes from its making until stop()."""
+
+    def __init__(self, node: MapMerge, session: MergeSession, publishing: Publishing) -> None:
+        self._node, self._session, self._publishing = node, session, publishing
+        self._log = node.get_logger()
+        self._throttle = Throttle()
+        self._listeners: dict[str, RobotListener] = {}
+        self._own_tf: set[str] = set()
+        self._problems: dict[str, str] = {}
+        self._error = ""
+        self._newest: MergeEstimate | None = None
+        self._started = time.monotonic()
+        self._discovered = float("-inf")
+        self._diagnosed = float("-inf")
+        self._estimation = EstimationWorker(
+            session.estimator,
+            lambda: node.parameters.estimation_rate,
+            lambda: node.parameters.estimation_timeout,
+            self._take_estimate,
+            self._estimate_failed,
+        )
+        self._merging = MergeWorker(lambda: node.parameters.merging_rate, self._publish_maps, self._merge_failed)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timers = [node.create_timer(_TICK_SECONDS, self._tick, clock=steady)]
+        if node.parameters.publish_tf == "dynamic":
+            self._timers.append(
+                node.create_timer(_TF_SECONDS, lambda: publishing.again(self._stamp()), clock=steady)
+            )
+        self._estimation.start()
+        self._merging.start()
+        # What was known before a pause.
+        for robot in session.robots.all():
+            self._listen(robot.name, robot.topic)
+        self._estimation.request(now=True)
+        self._tick()
+
+    def stop(self) -> None:
+        """Ends everything; the robots and their maps stay known."""
+        for timer in self._timers:
+            self._node.destroy_timer(timer)
+        for listener in self._listeners.values():
+            listener.close()
+        self._estimation.stop()
+        self._merging.stop()
+
+    def request_estimate(self) -> None:
+        """Estimates at once."""
+        self._estimation.request(now=True)
+
+    def place_known(self, robot: str) -> None:
+        """Takes the robot's known pose as its parameters have it now."""
+        try:
+            self._session.place_known(robot)
+        except BadKnownPose as error:
+            self._log.error(f"robot {robot!r}: {error}; its map is placed by its walls")
+        self._estimation.request(now=True)
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        eager = now - self._started < _EAGER_SECONDS
+        if eager or now - self._discovered >= 1.0 / self._node.parameters.discovery_rate:
+            self._discovered = now
+            self._discover(now)
+        publishers = {name: listener.follow() for name, listener in self._listeners.items()}
+        for robot in self._session.robots.silent(now, self._node.parameters.robot_timeout):
+            if not publishers.get(robot.name):
+                self._leave(robot.name, now - robot.heard)
+        topics = self._node.get_topic_names_and_types()
+        if self._follow_tf(topics):
+            self._publish_transforms()
+        if now - self._diagnosed >= _DIAGNOSTICS_SECONDS:
+            self._diagnosed = now
+            self._publish_diagnostics(now)
+
+    def _discover(self, now: float) -> None:
+        p = self._node.parameters
+        found = find_robots(
+            self._node.get_topic_names_and_types(),
+            p.robot_map_topic,
+            p.robot_namespace,
+            self._publishing.own_map_topics(),
+        )
+        for name, topic in found.items():
+            # Somebody who only listens, a display say, is no robot.
+            if name not in self._listeners and self._node.count_publishers(topic):
+                if self._session.robots.join(name, topic, now):
+                    self._log.info(f"robot {name!r} joins: {topic}")
+                self._listen(name, topic)
+                self._estimation.request()
+
+    def _listen(self, name: str, topic: str) -> None:
+        self._listeners[name] = RobotListener(
+            self._node,
+            topic,
+            in_namespace(name, self._node.parameters.robot_map_updates_topic),
+            lambda msg: self._take_map(name, msg),
+            lambda msg: self._take_update(name, msg),
+            lambda sentence: self._warn((name, "qos"), f"robot {name!r}: {sentence}"),
+        )
+        self._listeners[name].follow()
+
+    def _leave(self, name: str, seconds: float) -> None:
+        self._log.warning(f"robot {name!r} leaves: no map and no publisher for {seconds:.0f} s")
+        self._listeners.pop(name).close()
+        self._session.leave(name)
+        self._problems.pop(name, None)
+        self._estimation.request(now=True)
+        self._merging.request()
+
+    def _follow_tf(self, topics: list[tuple[str, list[str]]]) -> bool:
+        """Whether another robot's transforms go to its own tree now."""
+        mode = self._node.parameters.tf_namespaces
+        robots = [r.name for r in self._session.robots.all()]
+        if mode == "auto":
+            # A robot that had a tree of its own keeps it while its publishers restart.
+            own = self._own_tf & set(robots) | with_own_tf(filter(self._is_of_others, topics), robots)
+        else:
+            own = set(robots) if mode == "always" else set()
+        has_changed = own != self._own_tf
+        self._own_tf = own
+        return has_changed
+
+    def _is_of_others(self, topic: tuple[str, list[str]]) -> bool:
+        """Whether somebody but this node publishes a transform topic."""
+        name, types = topic
+        me = (self._node.get_namespace(), self._node.get_name())
+        return TF_TYPE in types and any(
+            (p.node_namespace, p.node_name) != me for p in self._node.get_publishers_info_by_topic(name)
+        )
+
+    def _take_map(self, name: str, msg: OccupancyGridMsg) -> None:
+        self._take(name, "map", lambda: self._session.take_map(name, msg, time.monotonic()))
+
+    def _take_update(self, name: str, msg: OccupancyGridUpdate) -> None:
+        self._take(name, "map update", lambda: self._session.take_update(name, msg, time.monotonic()))
+
+    def _take(self, name, kind, take) -> None:  # type: ignore[no-untyped-def]
+        try:
+            has_changed = take()
+        except BadMessage as error:
+            self._warn((name, error.field), f"robot {name!r}: {kind} not used: {error}; its last good map stays")
+            return
+        except BadKnownPose as error:
+            self._log.error(f"robot {name!r}: {error}; its map is placed by its walls")
+            has_changed = True
+        if has_changed:
+            self._estimation.request()
+            self._merging.request()
+
+    def _take_estimate(self, estimate: Estimate) -> None:
+        self._error = ""
+        known = self._session.take_estimate(estimate)
+        self._publish_transforms()
+        self._newest = self._message(known)
+        self._publishing.estimate(self._newest)
+        self._merging.request()
+
+    def _message(self, known: Known) -> MergeEstimate:
+        p = self._node.parameters
+        return estimate_message(
+            known.estimate,
+            self._session.robots.all(),
+            known.names,
+            p.merged_map_topic,
+            p.world_frame,
+            self._stamp(),
+        )
+
+    def _publish_maps(self) -> None:
+        known = self._session.known
+        if known is not None:
+            changed = self._session.merge()
+            self._publishing.maps(changed, {named.number for named in known.names}, self._stamp())
+
+    def _publish_transforms(self) -> None:
+        known = self._session.known
+        if known is None or self._node.parameters.publish_tf == "off":
+            return
+        robots = {r.name: r for r in self._session.robots.all()}
+        placed = {r.name: r for r in known.estimate.robots if r.T_world_map is not None}
+        # Those that joined first in front: a frame that two claim stays with the first.
+        links = [
+            link(name, known.names[placed[name].component].frame, robot.frame, placed[name].T_world_map,
+                 name in self._own_tf)
+            for name, robot in robots.items()
+            if name in placed and placed[name].component is not None
+        ]
+        topic = "tf_static" if self._node.parameters.publish_tf == "static" else "tf"
+        planned = plan(links, topic, [named.frame for named in known.names])
+        self._publishing.transforms(planned, self._stamp())
+        self._problems = planned.problems
+        for name, problem in planned.problems.items():
+            self._warn((name, "tf"), f"robot {name!r}: no transform: {problem}")
+
+    def _publish_diagnostics(self, now: float) -> None:
+        known = self._session.known
+        self._publishing.diagnostics(
+            diagnostics_message(
+                self._node.get_name(),
+                None if known is None else self._message(known),
+                self._session.robots.all(),
+                self._problems,
+                self._error,
+                now,
+                self._stamp(),
+            )
+        )
+
+    def _estimate_failed(self, error: Exception) -> None:
+        self._error = str(error) or type(error).__name__
+        self._warn("estimate", f"the estimate failed, the last one stays: {self._error}")
+
+    def _merge_failed(self, error: Exception) -> None:
+        self._warn("merge", f"the merged map could not be made: {str(error) or type(error).__name__}")
+
+    def _warn(self, key: object, sentence: str) -> None:
+        if self._throttle.passes(key, time.monotonic()):
+            self._log.warning(sentence)
+
+    def _stamp(self):  # type: ignore[no-untyped-def]
+        return self._node.get_clock().now().to_msg()

@@ -19,7 +19,7 @@ from mapmeld_ros.listening import RobotListener
 from mapmeld_ros.merged_maps import MergeWorker
 from mapmeld_ros.publishing import Publishing
 from mapmeld_ros.result_message import estimate_message
-from mapmeld_ros.session import Known, MergeSession
+from mapmeld_ros.session import MergeSession
 from mapmeld_ros.status_message import diagnostics_message
 from mapmeld_ros.throttle import Throttle
 from mapmeld_ros.transforms import link, plan
@@ -46,7 +46,6 @@ class Active:
         self._own_tf: set[str] = set()
         self._problems: dict[str, str] = {}
         self._error = ""
-        self._newest: MergeEstimate | None = None
         self._started = time.monotonic()
         self._discovered = float("-inf")
         self._diagnosed = float("-inf")
@@ -69,7 +68,9 @@ class Active:
         # What was known before a pause.
         for robot in session.robots.all():
             self._listen(robot.name, robot.topic)
-        self._estimation.request(now=True)
+        self._publish_estimate()
+        if session.grids():
+            self._estimation.request(now=True)
         self._tick()
 
     def stop(self) -> None:
@@ -124,7 +125,7 @@ class Active:
                 if self._session.robots.join(name, topic, now):
                     self._log.info(f"robot {name!r} joins: {topic}")
                 self._listen(name, topic)
-                self._estimation.request()
+                self._publish_estimate()
 
     def _listen(self, name: str, topic: str) -> None:
         self._listeners[name] = RobotListener(
@@ -187,14 +188,16 @@ class Active:
 
     def _take_estimate(self, estimate: Estimate) -> None:
         self._error = ""
-        known = self._session.take_estimate(estimate)
+        self._session.take_estimate(estimate)
         self._publish_transforms()
-        self._newest = self._message(known)
-        self._publishing.estimate(self._newest)
+        self._publish_estimate()
         self._merging.request()
 
-    def _message(self, known: Known) -> MergeEstimate:
-        p = self._node.parameters
+    def _publish_estimate(self) -> None:
+        self._publishing.estimate(self._message())
+
+    def _message(self) -> MergeEstimate:
+        known, p = self._session.known, self._node.parameters
         return estimate_message(
             known.estimate,
             self._session.robots.all(),
@@ -205,14 +208,12 @@ class Active:
         )
 
     def _publish_maps(self) -> None:
-        known = self._session.known
-        if known is not None:
-            changed = self._session.merge()
-            self._publishing.maps(changed, {named.number for named in known.names}, self._stamp())
+        names = self._session.known.names
+        self._publishing.maps(self._session.merge(), {named.number for named in names}, self._stamp())
 
     def _publish_transforms(self) -> None:
         known = self._session.known
-        if known is None or self._node.parameters.publish_tf == "off":
+        if self._node.parameters.publish_tf == "off":
             return
         robots = {r.name: r for r in self._session.robots.all()}
         placed = {r.name: r for r in known.estimate.robots if r.T_world_map is not None}
@@ -231,11 +232,10 @@ class Active:
             self._warn((name, "tf"), f"robot {name!r}: no transform: {problem}")
 
     def _publish_diagnostics(self, now: float) -> None:
-        known = self._session.known
         self._publishing.diagnostics(
             diagnostics_message(
                 self._node.get_name(),
-                None if known is None else self._message(known),
+                self._message(),
                 self._session.robots.all(),
                 self._problems,
                 self._error,

@@ -14,7 +14,7 @@ from mapmeld_ros.session import Known, Refused
 
 
 def save(
-    folder: str, force: bool, known: Known | None, merged: Mapping[str, OccupancyGrid], robots: tuple[Robot, ...]
+    folder: str, force: bool, known: Known, merged: Mapping[str, OccupancyGrid], robots: tuple[Robot, ...]
 ) -> list[str]:
     """Writes merged.yaml and .pgm (merged_2, ... for further components) and result.json: all files or none.
 
@@ -23,7 +23,7 @@ def save(
     """
     if not folder.strip():
         raise Refused("folder: is empty; name a folder on the node's machine")
-    if known is None or known.estimate.result is None or not merged:
+    if known.estimate.result is None or not merged:
         raise Refused("there is no merged map yet; wait for the first one")
     with OutputFolder(folder, force=force) as out:
         files = {}

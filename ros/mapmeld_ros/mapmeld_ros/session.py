@@ -49,11 +49,11 @@ class MergeSession:
         # Robots that users pinned, and those that known poses place.
         self._pinned_by_user: set[str] = set()
         self._placed: set[str] = set()
-        self._known: Known | None = None
+        self._known = Known(Estimate((), (), None, 0, 0.0), ())
 
     @property
-    def known(self) -> Known | None:
-        """The newest estimate; None before the first."""
+    def known(self) -> Known:
+        """The newest estimate; one without robots before the first."""
         return self._known
 
     def take_estimate(self, estimate: Estimate) -> Known:
@@ -126,7 +126,7 @@ class MergeSession:
     def merge(self) -> list[tuple[Named, OccupancyGrid]]:
         """The merged maps that have changed since the last call."""
         known = self._known
-        return [] if known is None else self.merged.changed(known.estimate, known.names, self.grids())
+        return self.merged.changed(known.estimate, known.names, self.grids())
 
     def _take(self, name: str, take: Callable[[], OccupancyGrid | None]) -> bool:
         before = self.robots.get(name)
@@ -150,7 +150,7 @@ class MergeSession:
 
     def _pose_in_world(self, name: str) -> tuple[float, float, float]:
         known = self._known
-        for r in known.estimate.robots if known is not None else ():
+        for r in known.estimate.robots:
             if r.name == name and r.component is not None and known.estimate.components[r.component].is_world:
                 x, y, theta = (float(v) for v in r.T_world_map)
                 return x, y, theta

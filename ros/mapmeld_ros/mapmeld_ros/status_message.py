@@ -17,7 +17,7 @@ _WAITING = "waiting"
 
 def diagnostics_message(
     node: str,
-    msg: MergeEstimate | None,
+    msg: MergeEstimate,
     robots: Sequence[Robot],
     problems: Mapping[str, str],
     error: str,
@@ -31,7 +31,7 @@ def diagnostics_message(
     """
     result = DiagnosticArray()
     result.header.stamp = stamp
-    placements = {p.robot: p for p in msg.robots} if msg is not None else {}
+    placements = {p.robot: p for p in msg.robots}
     result.status = [_whole(node, msg, robots, error)]
     for robot in robots:
         placed = placements.get(robot.name)
@@ -39,18 +39,16 @@ def diagnostics_message(
     return result
 
 
-def _whole(node: str, msg: MergeEstimate | None, robots: Sequence[Robot], error: str) -> DiagnosticStatus:
+def _whole(node: str, msg: MergeEstimate, robots: Sequence[Robot], error: str) -> DiagnosticStatus:
     status = DiagnosticStatus(name=f"{node}: map merge", hardware_id=node, level=DiagnosticStatus.OK)
-    components = 0 if msg is None else len(msg.components)
-    status.message = f"{len(robots)} robots in {components} maps"
+    status.message = f"{len(robots)} robots in {len(msg.components)} maps"
     if error:
         status.level, status.message = DiagnosticStatus.ERROR, f"the last estimate failed: {error}"
     elif not robots:
         status.level, status.message = DiagnosticStatus.WARN, "no robot's map topic found yet"
-    if msg is not None:
-        status.values = _values(
-            estimate_seconds=f"{msg.seconds:.3f}", registered_pairs=str(msg.registered_pairs)
-        )
+    status.values = _values(
+        estimate_seconds=f"{msg.seconds:.3f}", registered_pairs=str(msg.registered_pairs)
+    )
     return status
 
 

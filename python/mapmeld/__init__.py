@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mapmeld.estimator import Estimator
     from mapmeld.fusing import fuse
     from mapmeld.grid import OccupancyGrid
+    from mapmeld.holding import Hold
     from mapmeld.map_features import MapFeatures, features
     from mapmeld.map_io import read_map, write_map
     from mapmeld.merging import merge
@@ -30,6 +31,7 @@ __all__ = [
     "Estimate",
     "EstimatedComponent",
     "Estimator",
+    "Hold",
     "MapFeatures",
     "MapFileError",
     "MapmeldError",
@@ -56,6 +58,7 @@ _HOME = {
     "Estimate": "estimate",
     "EstimatedComponent": "estimate",
     "Estimator": "estimator",
+    "Hold": "holding",
     "MapFeatures": "map_features",
     "MapFileError": "errors",
     "MapmeldError": "errors",

@@ -96,6 +96,7 @@ class _Fused(TypedDict):
 
 class _Component(_Fused):
     reference: int
+    in_world: bool
     order: list[int]
     rms: float | None
     conflict_cells: int
@@ -143,7 +144,24 @@ class Session:
     ) -> bool: ...
     def remove(self, name: str) -> bool: ...
     def names(self) -> list[str]: ...
-    def merge(self, progress: Callable[[str, int, int], object] | None = None) -> _Merge: ...
+    def merge(
+        self,
+        references: Sequence[str],
+        priors: Sequence[tuple[str, Sequence[float], Sequence[float] | None]],
+        progress: Callable[[str, int, int], object] | None = None,
+    ) -> _Merge: ...
+    def weigh(
+        self,
+        questions: Sequence[
+            tuple[
+                Sequence[tuple[str, Sequence[float]]],
+                Sequence[tuple[str, Sequence[float]]],
+                Sequence[Sequence[float]],
+            ]
+        ],
+        priors: Sequence[tuple[str, Sequence[float], Sequence[float] | None]],
+        progress: Callable[[str, int, int], object] | None = None,
+    ) -> list[tuple[list[tuple[float, int]], float]]: ...
     def fuse(self, name: str, placed: Sequence[tuple[str, Sequence[float]]]) -> _Fused: ...
 
 def default_config() -> str: ...

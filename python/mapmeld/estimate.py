@@ -104,7 +104,7 @@ class Estimate:
     """Where all robots are, as far as their maps say.
 
     robots: sorted by name; every robot known, none left out. components: those of most maps first.
-    result: what the merge itself said of the maps as they are, without memory. It is None when there is no map.
+    result: what the merge itself said of the maps as they are, without memory; None when there is no map.
     registered_pairs: how many pairs of maps had to be registered for this estimate; the others were known.
     seconds: wall time.
     """

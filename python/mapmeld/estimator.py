@@ -5,20 +5,35 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from mapmeld import _core
+from mapmeld import _core, holding, linking, robots
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
-from mapmeld.estimate import Estimate, EstimatedComponent, RobotEstimate
+from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
+from mapmeld.frames import Frames, Group, Held, steady
 from mapmeld.grid import OccupancyGrid
-from mapmeld.holding import Frames, Group, Held
+from mapmeld.holding import Hold
+from mapmeld.known_cells import KnownCells, known_cells
 from mapmeld.map_yaml import one_line
 from mapmeld.merging import Progress, result_of
-from mapmeld.result import MergeResult, PlacedMap
+from mapmeld.result import MergeResult
+
+
+@dataclass
+class _Known:
+    """What an estimator was told: maps in the order in which their robots came, priors and pins."""
+
+    grids: dict[str, OccupancyGrid] = field(default_factory=dict)
+    priors: dict[str, Prior] = field(default_factory=dict)
+    pins: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+
+    def copy(self) -> _Known:
+        return _Known(dict(self.grids), dict(self.priors), dict(self.pins))
 
 
 class Estimator:
@@ -28,45 +43,85 @@ class Estimator:
         estimator.update(grid)              # a new or changed map, known by grid.name
         estimate = estimator.estimate()
 
-    config: options, nested by stage and partial; see default_config.
+    config: options, nested by stage and partial; see default_config. hold: how firmly an estimate holds on to
+        what the one before said.
 
     Only pairs with a changed map are registered again. Every method may be called from any thread: what comes
-    while an estimate runs counts for the next one.
+    while an estimate runs counts for the next one. See docs/estimator.md.
     """
 
-    def __init__(self, config: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, config: Mapping[str, Any] | None = None, hold: Hold | None = None) -> None:
         self._config = effective_config(config or {})
+        self._hold = hold if hold is not None else Hold()
+        if not isinstance(self._hold, Hold):
+            raise MapmeldError(f"hold: takes a Hold, got a {type(hold).__name__}")
         self._session = _core.Session(json.dumps(self._config))
-        self._known = threading.Lock()
+        self._known = _Known()
+        self._changing = threading.Lock()
         self._turn = threading.Lock()
-        self._grids: dict[str, OccupancyGrid] = {}
-        self._seen: dict[str, OccupancyGrid] = {}
+        # What only the estimate whose turn it is touches.
+        self._told: dict[str, OccupancyGrid] = {}
+        self._cells: dict[str, KnownCells] = {}
         self._frames = Frames()
         self._held: list[Held] = []
+        self._by_prior: set[str] = set()
+        self._placements: dict[str, int] = {}
         self._drawn: dict[int, tuple[Any, OccupancyGrid]] = {}
 
     def update(self, grid: OccupancyGrid) -> None:
         """Takes a robot's map, new or changed; the robot is known by the map's name.
 
-        The map is kept and nothing is computed. Raises MapmeldError for a map without a name.
+        The map is kept and nothing is computed; one that is as it was changes nothing. Raises MapmeldError
+        for a map without a name.
         """
         if not isinstance(grid, OccupancyGrid):
             raise MapmeldError(f"update: takes an OccupancyGrid, got a {type(grid).__name__}")
         if not grid.name:
             raise MapmeldError("update: the map has no name; name it after its robot")
-        with self._known:
-            if not _is_same(self._grids.get(grid.name), grid):
-                self._grids[grid.name] = grid
+        with self._changing:
+            if not _is_same(self._known.grids.get(grid.name), grid):
+                self._known.grids[grid.name] = grid
 
     def remove(self, name: str) -> None:
-        """Forgets a robot. Raises MapmeldError when there is none of that name."""
-        with self._known:
-            if name not in self._grids:
+        """Forgets a robot, its prior and its pin. Raises MapmeldError when there is no map of that name."""
+        with self._changing:
+            if name not in self._known.grids:
                 raise MapmeldError(one_line(f"remove: no robot is called {name!r}"))
-            del self._grids[name]
+            del self._known.grids[name]
+            self._known.priors.pop(name, None)
+            self._known.pins.pop(name, None)
+
+    def set_prior(self, name: str, prior: Prior | None) -> None:
+        """What is known of a robot's pose, which may be told before its first map; None forgets it."""
+        if not (prior is None or isinstance(prior, Prior)):
+            raise MapmeldError(
+                one_line(f"set_prior: takes a Prior for {name!r}, got a {type(prior).__name__}")
+            )
+        with self._changing:
+            if prior is None:
+                self._known.priors.pop(name, None)
+            else:
+                self._known.priors[name] = prior
+
+    def pin(self, name: str, T_world_map: Sequence[float]) -> None:
+        """Puts a robot's map at (x, y, theta), metres and radians, exactly and whatever the walls say.
+
+        It may be told before the robot's first map, and stands above a prior. Raises MapmeldError for
+        anything but three finite numbers.
+        """
+        pose = checked_pose(T_world_map, f"pin of {name!r}: T_world_map")
+        with self._changing:
+            self._known.pins[name] = pose
+
+    def unpin(self, name: str) -> None:
+        """Lets a robot go; its prior counts again. Raises MapmeldError when it is not pinned."""
+        with self._changing:
+            if name not in self._known.pins:
+                raise MapmeldError(one_line(f"unpin: {name!r} is not pinned"))
+            del self._known.pins[name]
 
     def estimate(self, progress: Progress | None = None) -> Estimate:
-        """Where all robots are, told from the maps as they are when this begins.
+        """Where all robots are, told from what is known when this begins.
 
         progress: called between pieces of work, on the calling thread; what it raises ends the estimate. The
         pairs that were registered until then are kept, and what is held stays as it was. An estimate waits
@@ -74,44 +129,98 @@ class Estimator:
         """
         with self._turn:
             started = time.perf_counter()
-            with self._known:
-                grids = dict(self._grids)
-            if not grids:
-                self._held = []
+            with self._changing:
+                known = self._known.copy()
+            self._tell_session(known.grids)
+            if not known.grids:
+                self._held, self._by_prior, self._placements, self._drawn = [], set(), {}, {}
                 return Estimate((), (), None, 0, time.perf_counter() - started)
-            self._tell_session(grids)
-            found = self._session.merge(progress)
-            names = self._session.names()
-            seconds = {**found["seconds"], "merge": time.perf_counter() - started}
-            result = result_of(found, names, self._config, seconds)
-            self._held = self._frames.follow(_groups(result), self._held, list(grids), False)
-            self._held.sort(key=lambda h: (-len(h.poses), not h.is_world, min(h.poses)))
-            components = tuple(self._component(h, grids) for h in self._held)
-            robots = tuple(self._robot(m) for m in sorted(result.maps, key=lambda m: m.name))
-            seconds_taken = time.perf_counter() - started
-            return Estimate(robots, components, result, found["registered_pairs"], seconds_taken)
+            result, registered = self._merge(known, progress, started)
+            held, against = self._follow(result, known, progress)
+            self._count(held)
+            self._held = held
+            self._by_prior = {m.name for m in result.maps if m.status == "prior"}
+            components = tuple(self._component(h, known.grids) for h in held)
+            self._drawn = {h.frame: self._drawn[h.frame] for h in held}
+            centres = {n: c.centre for n, c in self._cells.items()}
+            of_robot = tuple(
+                robots.tell(m, held, against, known.pins, result, centres, self._placements.get(m.name, 0))
+                for m in sorted(result.maps, key=lambda m: m.name)
+            )
+            return Estimate(of_robot, components, result, registered, time.perf_counter() - started)
 
     def _tell_session(self, grids: Mapping[str, OccupancyGrid]) -> None:
-        for name in self._seen.keys() - grids.keys():
+        for name in self._told.keys() - grids.keys():
             self._session.remove(name)
-            del self._seen[name]
+            del self._told[name], self._cells[name]
         for name, grid in grids.items():
-            if self._seen.get(name) is not grid:
+            if self._told.get(name) is not grid:
                 self._session.update(name, grid.data, grid.resolution, grid.origin)
-                self._seen[name] = grid
+                self._told[name] = grid
+                self._cells[name] = known_cells(grid)
+
+    def _merge(self, known: _Known, progress: Progress | None, started: float) -> tuple[MergeResult, int]:
+        """The merge of the maps as they are, its components in the frames of those that are held."""
+        first = sorted(self._held, key=lambda h: (not h.is_world, -len(h.poses)))
+        anchors = [h.anchor for h in first if h.anchor in known.grids]
+        references = [*anchors, *(n for n in known.grids if n not in anchors)]
+        found = self._session.merge(references, _priors(known), progress)
+        seconds = {**found["seconds"], "merge": time.perf_counter() - started}
+        result = result_of(found, self._session.names(), self._config, seconds)
+        return result, found["registered_pairs"]
+
+    def _follow(
+        self, result: MergeResult, known: _Known, progress: Progress | None
+    ) -> tuple[list[Held], dict[str, float]]:
+        """What is held from now on, and the robots that it holds where the merge does not."""
+        priors = _priors(known)
+        centres = {n: c.centre for n, c in self._cells.items()}
+
+        def ask(base: holding.Poses, moved: holding.Poses, places: Sequence[Any]) -> holding.Answer:
+            question = (_listed(base), _listed(moved), [p.tolist() for p in places])
+            return self._session.weigh([question], priors, progress)[0]
+
+        groups = _groups(result, bool(priors))
+        free = self._by_prior | known.pins.keys()
+        units = holding.units(self._held, groups, free, centres, self._hold, ask)
+        against = {n: p for u in units for n, p in u.against.items()}
+        joined = linking.joined(groups, units, centres, self._hold)
+        world_is_given = bool(known.priors or known.pins)
+        followed = self._frames.follow(joined, self._held, list(known.grids), world_is_given)
+        covariances = {m.name: m.covariance for m in result.maps if m.covariance is not None}
+        held = steady(followed, self._held, self._cells, covariances, known.pins, self._hold.refine_cells)
+        return sorted(held, key=lambda h: (-len(h.poses), not h.is_world, min(h.poses))), against
+
+    def _count(self, held: Sequence[Held]) -> None:
+        """Counts who is put somewhere else by more than noise."""
+        before = {n: (h.frame, T) for h in self._held for n, T in h.poses.items()}
+        counts = {}
+        for h in held:
+            for name, T in h.poses.items():
+                count = self._placements.get(name, 0)
+                old = before.get(name)
+                if old is None:
+                    count += name != h.anchor
+                elif old[0] != h.frame or not self._hold.is_same_place(old[1], T, self._cells[name].centre):
+                    count += 1
+                counts[name] = count
+        self._placements = counts
 
     def _component(self, held: Held, grids: Mapping[str, OccupancyGrid]) -> EstimatedComponent:
-        names = tuple(n for n in grids if n in held.poses)
-        fused = self._session.fuse("merged", [(n, held.poses[n].tolist()) for n in names])
-        merged = OccupancyGrid(fused["data"], fused["resolution"], fused["origin"], "merged")
-        return EstimatedComponent(tuple(sorted(names)), held.anchor, held.is_world, merged)
-
-    def _robot(self, placed: PlacedMap) -> RobotEstimate:
-        k = next((k for k, h in enumerate(self._held) if placed.name in h.poses), None)
-        pose = None if k is None else self._held[k].poses[placed.name]
-        return RobotEstimate(
-            placed.name, k, pose, placed.covariance, placed.probability, placed.status, placed.reason, None, 0
-        )
+        """The component with its fused map, which is drawn again only when a map or a pose has changed."""
+        names = [n for n in grids if n in held.poses]
+        placed = [(n, held.poses[n].tolist()) for n in names]
+        key = [(grids[n], pose) for n, pose in placed]
+        old = self._drawn.get(held.frame)
+        if (
+            old is None
+            or len(old[0]) != len(key)
+            or any(a[0] is not b[0] or a[1] != b[1] for a, b in zip(old[0], key, strict=True))
+        ):
+            fused = self._session.fuse("merged", placed)
+            merged = OccupancyGrid(fused["data"], fused["resolution"], fused["origin"], "merged")
+            old = self._drawn[held.frame] = (key, merged)
+        return EstimatedComponent(tuple(sorted(names)), held.anchor, held.is_world, old[1])
 
 
 def _is_same(old: OccupancyGrid | None, new: OccupancyGrid) -> bool:
@@ -123,10 +232,25 @@ def _is_same(old: OccupancyGrid | None, new: OccupancyGrid) -> bool:
     )
 
 
-def _groups(result: MergeResult) -> list[Group]:
+def _priors(known: _Known) -> list[tuple[str, list[float], list[float] | None]]:
+    """Priors of the robots that have maps; a pin stands above a prior."""
+    told: list[tuple[str, list[float], list[float] | None]] = []
+    for name in known.grids:
+        if name in known.pins:
+            told.append((name, list(known.pins[name]), None))
+        elif name in known.priors:
+            told.append((name, list(known.priors[name].T_world_map), list(known.priors[name].sigma)))
+    return told
+
+
+def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
+    return [(n, T.tolist()) for n, T in poses.items()]
+
+
+def _groups(result: MergeResult, has_priors: bool) -> list[Group]:
     """The components of a merge, without blank maps."""
     groups: dict[int, dict[str, Any]] = {}
     for m in result.maps:
         if m.T_component_map is not None:
             groups.setdefault(m.component, {})[m.name] = m.T_component_map
-    return [Group(poses) for _, poses in sorted(groups.items())]
+    return [Group(poses, has_priors and result.components[k].in_world) for k, poses in sorted(groups.items())]

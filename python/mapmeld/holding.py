@@ -1,108 +1,161 @@
-"""Frames that stay: how arrangements follow one another, so that what is published moves no more than it must.
+"""Hysteresis: what was said before stays until the evidence against it is clear.
 
-A merge is without memory: its components lie in the frame of one of their maps. Here each component of the
-next merge is given the frame that its robots had before.
+Robots of one component that the next merge leaves as they are to each other are one part. Where it tears a
+component apart, or puts a part elsewhere, the maps as they are now are asked how probable the held place is.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mapmeld import se2
+from mapmeld.errors import MapmeldError
+from mapmeld.frames import Group, Held, Pose, apart
 
-Pose = NDArray[np.float64]
-"""(x, y, theta), metres and radians."""
+Poses = Mapping[str, Pose]
+Answer = tuple[list[tuple[float, int]], float]
+Ask = Callable[[Poses, Poses, Sequence[Pose]], Answer]
+"""Places T_base_moved of some maps to others, T_base_map and T_moved_map: for each its probability and the
+first that is the same place, by index; and the probability of the best other place."""
 
 
 @dataclass(frozen=True)
-class Held:
-    """Robots whose maps lie in one frame, and have for a while.
+class Hold:
+    """How firmly an estimate holds on to what the one before said.
 
-    frame: a number that stays with the frame. anchor: the robot whose pose defines it. poses: T_frame_map.
+    keep: how probable a held place must be, against none of the places that fit being right, to stay. A
+        merge is made from evidence.min_probability on: that this is lower keeps growing maps from flickering.
+    replace: the share, of its own probability and that of the held place, from which another place takes
+        over.
+    noise_m, noise_rad: poses that differ by more, at the middle of the map's known cells, are different
+        places, metres and radians; less is refinement.
+    refine_cells: refined poses are followed once they moved some known cell by more than so many cells, or by
+        more than their own standard deviation.
+
+    Raises MapmeldError for a value out of range.
     """
 
-    frame: int
-    anchor: str
-    is_world: bool
-    poses: Mapping[str, Pose]
+    keep: float = 0.5
+    replace: float = 0.95
+    noise_m: float = 0.2
+    noise_rad: float = 0.04
+    refine_cells: float = 0.5
+
+    def __post_init__(self) -> None:
+        for key, low, high in (
+            ("keep", 0.0, 1.0),
+            ("replace", 0.5, 1.0),
+            ("noise_m", 0.0, np.inf),
+            ("noise_rad", 0.0, np.inf),
+            ("refine_cells", 0.0, np.inf),
+        ):
+            value = getattr(self, key)
+            if not (isinstance(value, int | float) and low <= value <= high):
+                raise MapmeldError(f"hold: {key} must be a number from {low:g} to {high:g}, got {value!r}")
+
+    def is_same_place(self, a: Pose, b: Pose, centre: Sequence[float]) -> bool:
+        """Whether two poses of a map are one place, up to noise."""
+        metres, radians = apart(a, b, centre)
+        return metres <= self.noise_m and radians <= self.noise_rad
 
 
 @dataclass(frozen=True)
-class Group:
-    """Robots that lie together now: T_group_map. in_world: these are poses in the world, which priors give."""
+class Unit:
+    """Robots that lie to each other as they did before: T_unit_map.
 
-    poses: Mapping[str, Pose]
-    in_world: bool = False
+    against: for those that the merge would have put elsewhere, how probable it is that they lie there.
+    """
 
-
-@dataclass(frozen=True)
-class Frames:
-    """Gives groups the frames that their robots had before."""
-
-    _numbers: Iterator[int] = field(default_factory=itertools.count)
-
-    def follow(
-        self, groups: Sequence[Group], held: Sequence[Held], arrival: Sequence[str], world_is_given: bool
-    ) -> list[Held]:
-        """The groups in frames that stay, in the groups' order.
-
-        arrival: all robots, those that came first in front. world_is_given: by priors or pins; without, the
-        world is the frame of the robot that came first, and stays where it is.
-        """
-        held = [h for h in (_left(h, groups, arrival) for h in held) if h is not None]
-        placed = [self._placed(g, held, arrival, world_is_given) for g in groups]
-        if world_is_given or any(h.is_world for h in placed):
-            return placed
-        first = next((n for n in arrival if any(n in h.poses for h in placed)), None)
-        return [Held(h.frame, h.anchor, first in h.poses, h.poses) for h in placed]
-
-    def _placed(
-        self, group: Group, held: Sequence[Held], arrival: Sequence[str], world_is_given: bool
-    ) -> Held:
-        first = next(n for n in arrival if n in group.poses)
-        if group.in_world:
-            world = next((h for h in held if h.is_world), None)
-            anchor = world.anchor if world is not None and world.anchor in group.poses else first
-            frame = world.frame if world is not None else next(self._numbers)
-            return Held(frame, anchor, True, group.poses)
-        # The frame of the world is kept, then that of most robots, then that of the first.
-        own = [h for h in held if h.anchor in group.poses]
-        if not own:
-            return Held(next(self._numbers), first, False, _seen_from(group.poses, first, np.zeros(3)))
-        lends = max(
-            own,
-            key=lambda h: (h.is_world, len(h.poses.keys() & group.poses.keys()), -arrival.index(h.anchor)),
-        )
-        poses = _seen_from(group.poses, lends.anchor, lends.poses[lends.anchor])
-        return Held(lends.frame, lends.anchor, lends.is_world and not world_is_given, poses)
+    poses: Poses
+    against: Mapping[str, float]
 
 
-def _left(held: Held, groups: Sequence[Group], arrival: Sequence[str]) -> Held | None:
-    """What is left of a component whose robots may be gone; the first of those that stay is the anchor then."""
+def units(
+    held: Sequence[Held],
+    groups: Sequence[Group],
+    free: Collection[str],
+    centres: Mapping[str, Sequence[float]],
+    hold: Hold,
+    ask: Ask,
+) -> list[Unit]:
+    """What stays together of what was: every robot of the groups is in one of the units.
+
+    free: robots that are held to nothing, such as pinned ones.
+    """
     there = {n for g in groups for n in g.poses}
-    poses = {n: T for n, T in held.poses.items() if n in there}
-    if not poses:
+    found: list[Unit] = []
+    for h in held:
+        poses = {n: T for n, T in h.poses.items() if n in there and n not in free}
+        if poses:
+            found += _kept(poses, h.anchor, groups, centres, hold, ask)
+    in_some = {n for u in found for n in u.poses}
+    alone = sorted(there - in_some)
+    return found + [Unit({n: np.zeros(3)}, {}) for n in alone]
+
+
+def _kept(
+    poses: Poses,
+    anchor: str,
+    groups: Sequence[Group],
+    centres: Mapping[str, Sequence[float]],
+    hold: Hold,
+    ask: Ask,
+) -> list[Unit]:
+    """Parts of one held component, joined again where the held place stands."""
+    parts = [p for g in groups for p in agreeing(poses, g, centres, hold)]
+    parts.sort(key=lambda p: (-len(p), anchor not in p, min(p)))
+    kept = [Unit({n: poses[n] for n in parts[0]}, {})]
+    for part in parts[1:]:
+        moved = {n: poses[n] for n in part}
+        for k, base in enumerate(kept):
+            probability = _stays(base.poses, moved, groups, hold, ask)
+            if probability is not None:
+                against = {**base.against, **dict.fromkeys(moved, probability)}
+                kept[k] = Unit({**base.poses, **moved}, against)
+                break
+        else:
+            kept.append(Unit(moved, {}))
+    return kept
+
+
+def agreeing(
+    poses: Poses, group: Group, centres: Mapping[str, Sequence[float]], hold: Hold
+) -> list[list[str]]:
+    """Robots that are in both, in lists of those that lie to each other in one as in the other."""
+    parts: list[list[str]] = []
+    for name in (n for n in poses if n in group.poses):
+        for part in parts:
+            T_held = se2.compose(se2.inverse(poses[part[0]]), poses[name])
+            T_now = se2.compose(se2.inverse(group.poses[part[0]]), group.poses[name])
+            if hold.is_same_place(T_held, T_now, centres[name]):
+                part.append(name)
+                break
+        else:
+            parts.append([name])
+    return parts
+
+
+def _stays(base: Poses, moved: Poses, groups: Sequence[Group], hold: Hold, ask: Ask) -> float | None:
+    """How probable the held place of some robots to others is; None when it does not stand any more."""
+    places = [np.zeros(3)]
+    lead = next(iter(moved))
+    group = next(g for g in groups if lead in g.poses)
+    of_base = next((n for n in base if n in group.poses), None)
+    if of_base is not None:
+        # Both are told in the held frame: there, the held place is no motion at all.
+        T_held_group = se2.compose(base[of_base], se2.inverse(group.poses[of_base]))
+        places.append(se2.compose(se2.compose(T_held_group, group.poses[lead]), se2.inverse(moved[lead])))
+    told, rival = ask(base, moved, places)
+    (held, _), *others = told
+    if others and others[0][1] == 0:
+        # The new place is the held one, refined.
         return None
-    anchor = held.anchor if held.anchor in poses else next(n for n in arrival if n in poses)
-    return Held(held.frame, anchor, held.is_world, poses)
-
-
-def _seen_from(poses: Mapping[str, Pose], anchor: str, T_frame_anchor: Pose) -> dict[str, Pose]:
-    """Poses of one frame in the one in which the anchor lies at T_frame_anchor."""
-    T_frame_group = se2.compose(T_frame_anchor, se2.inverse(poses[anchor]))
-    return {
-        n: np.array(T_frame_anchor) if n == anchor else se2.compose(T_frame_group, T)
-        for n, T in poses.items()
-    }
-
-
-def apart(a: Pose, b: Pose, at: Sequence[float]) -> tuple[float, float]:
-    """Metres at a point of the map, and radians, between two poses of it."""
-    p, q = se2.apply(a, np.asarray(at)), se2.apply(b, np.asarray(at))
-    return math.hypot(*(p - q)), abs(se2.wrap(a[2] - b[2]))
+    new = others[0][0] if others else 0.0
+    best = max(new, rival)
+    nowhere = max(0.0, 1.0 - held - new - rival)
+    if held <= 0.0 or best >= hold.replace * (best + held) or held < hold.keep * (held + nowhere):
+        return None
+    return held

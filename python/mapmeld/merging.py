@@ -150,6 +150,7 @@ def result_of(
             ),
             shared_cells=c["shared_cells"],
             conflict_cells=c["conflict_cells"],
+            in_world=c["in_world"],
         )
         for k, c in enumerate(found["components"])
     ]

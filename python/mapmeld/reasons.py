@@ -29,6 +29,8 @@ def reason(
     """
     if status == "blank":
         return "it holds no known cell, so it is placed nowhere"
+    if status == "prior":
+        return "placed by its prior alone"
     own = [p for p in pairs if name in (p.a, p.b) and p.modes]
     if status == "merged":
         return _merged(name, [p for p in own if _other(p, name) in others])

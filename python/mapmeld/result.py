@@ -24,8 +24,8 @@ class PlacedMap:
     covariance: float64 (3, 3), of (x, y, theta) relative to the reference map, whose own is zero. None for a
         blank map.
     status: "merged", "ambiguous" (it belongs to others, but more than one place is probable: a component of
-        its own), "no evidence" (no other map shares enough walls with it: a component of its own) or "blank"
-        (nothing is known in it).
+        its own), "no evidence" (no other map shares enough walls with it: a component of its own), "blank"
+        (nothing is known in it) or, from an Estimator, "prior" (placed by its prior alone).
     probability: that the map lies where T_component_map says, 0..1; 0 for a blank map. Of an ambiguous map:
         that of its most probable place among the others.
     reason: why it stands so, a sentence with its numbers.
@@ -119,6 +119,7 @@ class Component:
     merged: the fused map, None when the component is one blank map. shared_cells: cells that more than one
         map knows; conflict_cells: those that one of them shows occupied and another, whose own
         walls are farther than a cell away, free.
+    in_world: the frame is not that of `reference` but the world of priors, which an Estimator is told of.
     """
 
     reference: str
@@ -127,6 +128,7 @@ class Component:
     merged: OccupancyGrid | None
     shared_cells: int
     conflict_cells: int
+    in_world: bool = False
 
 
 @dataclass(frozen=True, eq=False)

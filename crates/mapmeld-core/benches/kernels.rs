@@ -214,6 +214,7 @@ fn travel(c: &mut Criterion) {
             open: vec![true; n],
             order: None,
             rung: 0,
+            priors: &[],
             parts: None,
             config: &config,
         };
@@ -239,7 +240,7 @@ fn travel(c: &mut Criterion) {
     let rough: Vec<Se2> =
         all.iter().map(|k| pose(*k).compose(&Se2::new(0.03, -0.02, 0.004))).collect();
     c.bench_function("refine 5 maps", |b| {
-        b.iter(|| refine::refine(&maps, &all, black_box(&rough), 0, &config))
+        b.iter(|| refine::refine(&maps, &all, black_box(&rough), &[0], &config))
     });
     let placed: Vec<(&OccupancyGrid, Se2)> =
         all.iter().map(|k| (&maps[*k].grid, pose(*k))).collect();

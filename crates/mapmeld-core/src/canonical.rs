@@ -29,6 +29,11 @@ impl Canonical {
         Self { order, place }
     }
 
+    /// The place in this order of a given index.
+    pub fn place(&self, given: usize) -> usize {
+        self.place[given]
+    }
+
     /// The maps in this order.
     pub fn arranged<'g>(&self, grids: &[&'g OccupancyGrid]) -> Vec<&'g OccupancyGrid> {
         self.order.iter().map(|k| grids[*k]).collect()
@@ -38,7 +43,11 @@ impl Canonical {
     pub fn known(&self, known: &Known) -> Known {
         Known {
             order: known.order.as_ref().map(|o| o.iter().map(|m| self.place[*m]).collect()),
-            reference: known.reference.map(|m| self.place[m]),
+            references: known.references.iter().map(|m| self.place[*m]).collect(),
+            priors: match known.priors[..] {
+                [] => Vec::new(),
+                _ => self.order.iter().map(|m| known.priors[*m].clone()).collect(),
+            },
         }
     }
 

@@ -11,13 +11,14 @@ use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::perception::Overlay;
+use crate::prior::Prior;
 use crate::refine;
 use crate::se2::Se2;
 use crate::virtual_robot::PairTable;
 use nalgebra::Matrix3;
 
 /// Most arrangements of a cluster that are carried on.
-const MAX_WORLDS: usize = 10;
+pub const MAX_WORLDS: usize = 10;
 
 /// Most motions between two clusters that are taken from their members.
 const MAX_MOTIONS: usize = 100;
@@ -45,6 +46,10 @@ pub struct Cluster {
     pub elsewhere: Option<f64>,
     /// The filter's steps.
     pub steps: Vec<Step>,
+    /// Whether its frame is the priors' world.
+    pub in_world: bool,
+    /// Members that nothing but their priors placed there.
+    pub by_prior: Vec<usize>,
 }
 
 impl Cluster {
@@ -54,6 +59,7 @@ impl Cluster {
         maps: &[LocalMap],
         stories: Vec<World>,
         steps: Vec<Step>,
+        priors: &[Option<Prior>],
         config: &Config,
     ) -> Vec<Cluster> {
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability);
@@ -62,7 +68,7 @@ impl Cluster {
         let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
             let alone = members.len() == 1;
-            let refined = refine::refine(maps, &members, &poses, 0, config);
+            let refined = refine::refine(maps, &members, &poses, &held(&members, priors), config);
             Cluster {
                 reference: members[0],
                 members,
@@ -73,6 +79,8 @@ impl Cluster {
                 stories: if k == 0 { stories.clone() } else { Vec::new() },
                 elsewhere: if k > 0 { Some(share) } else { next.filter(|_| alone) },
                 steps: if k == 0 { steps.clone() } else { Vec::new() },
+                in_world: false,
+                by_prior: Vec::new(),
             }
         });
         clusters.collect()
@@ -84,13 +92,19 @@ impl Cluster {
         let into = self.poses[k].inverse();
         self.poses.iter_mut().for_each(|t| *t = into.compose(t));
         self.poses[k] = Se2::IDENTITY;
-        self.covariances = refine::uncertainty(maps, &self.members, &self.poses, k, config);
+        self.covariances = refine::uncertainty(maps, &self.members, &self.poses, &[k], config);
         for worlds in [&mut self.worlds, &mut self.stories] {
             let Some(into) = worlds.first().and_then(|w| w.pose(reference)) else { continue };
             let into = into.inverse();
             worlds.iter_mut().flat_map(|w| &mut w.poses).for_each(|(_, t)| *t = into.compose(t));
         }
         self.reference = reference;
+    }
+
+    /// The members with priors, in their places.
+    pub fn with_priors<'p>(&self, priors: &'p [Option<Prior>]) -> Vec<(Se2, &'p Prior)> {
+        let placed = self.members.iter().zip(&self.poses);
+        placed.filter_map(|(m, t)| Some((*t, priors.get(*m)?.as_ref()?))).collect()
     }
 
     /// The members' grids in their places.
@@ -133,6 +147,7 @@ impl Cluster {
         clusters: &[Cluster],
         worlds: &[World],
         steps: Vec<Step>,
+        priors: &[Option<Prior>],
         config: &Config,
     ) -> Vec<Cluster> {
         if let [World { poses, .. }] = worlds {
@@ -168,6 +183,18 @@ impl Cluster {
         let mut all_steps: Vec<Step> =
             worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
         all_steps.extend(steps);
-        Self::of_travel(maps, joined, all_steps, config)
+        Self::of_travel(maps, joined, all_steps, priors, config)
+    }
+}
+
+/// Positions of the members that stay in place in a refinement: the first, and those that are pinned where it is.
+fn held(members: &[usize], priors: &[Option<Prior>]) -> Vec<usize> {
+    let is_pinned =
+        |m: &usize| priors.get(*m).and_then(Option::as_ref).is_some_and(|p| p.is_pinned);
+    let pinned: Vec<usize> = (0..members.len()).filter(|k| is_pinned(&members[*k])).collect();
+    match pinned[..] {
+        // A single pin may as well be where its walls lead it in this frame.
+        [] | [_] => vec![0],
+        _ => pinned,
     }
 }

@@ -18,6 +18,8 @@ pub enum Status {
     Ambiguous,
     /// No other map shares enough walls with it: a component of its own.
     NoEvidence,
+    /// Placed by its prior alone.
+    Prior,
     /// Nothing is known in it: it can be placed nowhere.
     Blank,
 }
@@ -29,6 +31,7 @@ impl Status {
             Status::Merged => "merged",
             Status::Ambiguous => "ambiguous",
             Status::NoEvidence => "no evidence",
+            Status::Prior => "prior",
             Status::Blank => "blank",
         }
     }
@@ -211,6 +214,7 @@ pub fn placements(maps: &[LocalMap], clusters: &[Cluster]) -> Vec<Placement> {
             let elsewhere: f64 = elsewhere.map(|w| w.probability).sum();
             let (status, probability) = match c.elsewhere {
                 Some(share) => (Status::Ambiguous, share),
+                None if c.by_prior.contains(m) => (Status::Prior, 1.0),
                 None if c.members.len() == 1 => (Status::NoEvidence, 1.0),
                 None => (Status::Merged, (1.0 - elsewhere).min(1.0) * certainty),
             };

@@ -12,8 +12,10 @@ use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::noise;
+use crate::prior::{self, Prior};
 use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
+use crate::se2::Se2;
 use crate::verdict;
 use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
 use std::time::Instant;
@@ -63,11 +65,9 @@ fn run(
 ) -> Result<Merge> {
     // Section 3: the possible motions u_t of every pair, once for all particles. How bent the maps are is
     // learnt from the pairs that fit best.
-    let (found, registered_pairs) = cache.register(maps, |_, _| Vec::new(), config, observer)?;
-    let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
-    let pairs = judged(found, rung, maps, config);
-    let perception = config.perception.rungs().swap_remove(rung);
-    let config = &Config { perception, ..config.clone() };
+    let Found { pairs, rung, config, fresh: registered_pairs } =
+        registered(maps, cache, known, config, observer)?;
+    let config = &config;
     clock.lap("register");
 
     // Sections 2 and 4: the virtual robot travels through each component.
@@ -78,11 +78,12 @@ fn run(
         order: known.order.as_deref(),
         config,
         rung,
+        priors: &known.priors,
         parts: None,
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, &known.priors, config))
         .collect();
     clock.lap("filter");
 
@@ -91,13 +92,16 @@ fn run(
     {
         clusters = joined;
     }
+    if known.priors.iter().any(Option::is_some) {
+        clusters = prior::united(clusters, &known.priors);
+    }
     clusters.sort_by_key(|c| std::cmp::Reverse(c.members.len()));
     tell_all(&mut clusters);
     // A named reference lends its frame; where the robot starts is for the evidence to say.
-    if let Some(r) = known.reference {
-        clusters.iter_mut().filter(|c| c.members.contains(&r)).for_each(|c| {
-            c.rebase(r, maps, config);
-        });
+    for c in clusters.iter_mut().filter(|c| !c.in_world) {
+        if let Some(r) = known.references.iter().find(|r| c.members.contains(r)) {
+            c.rebase(*r, maps, config);
+        }
     }
     clock.lap("join");
 
@@ -106,6 +110,7 @@ fn run(
         observe(observer, Stage::Fuse, k, clusters.len())?;
         components.push(Component {
             reference: c.reference,
+            in_world: c.in_world,
             order: c.members.clone(),
             steps: c.steps.clone(),
             rms: c.rms,
@@ -118,6 +123,33 @@ fn run(
     clock.lap("fuse");
     let (pairs, seconds) = (pairs.into_pairs(), clock.laps);
     Ok(Merge { placements, components, probability, hypotheses, pairs, registered_pairs, seconds })
+}
+
+/// What the pairs of some maps say.
+pub(crate) struct Found {
+    /// With their verdicts.
+    pub pairs: PairTable,
+    /// How bent the maps are.
+    pub rung: usize,
+    /// Options, with the perception model that fits them.
+    pub config: Config,
+    /// How many of the pairs had to be registered.
+    pub fresh: usize,
+}
+
+/// Registers all pairs and weighs them as bent as they are.
+pub(crate) fn registered(
+    maps: &[LocalMap],
+    cache: &mut Cache,
+    known: &Known,
+    config: &Config,
+    observer: Observer,
+) -> Result<Found> {
+    let (found, fresh) = cache.register(maps, prior_hints(known), config, observer)?;
+    let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
+    let pairs = judged(found, rung, maps, config);
+    let perception = config.perception.rungs().swap_remove(rung);
+    Ok(Found { pairs, rung, config: Config { perception, ..config.clone() }, fresh })
 }
 
 /// The verdicts on all pairs.
@@ -137,7 +169,7 @@ fn travel(
     observer: Observer,
 ) -> Result<Vec<(Vec<World>, Vec<Step>)>> {
     let mut travelled = Vec::new();
-    while let Some(start) = choose_start(robot.pairs, &robot.open, known) {
+    while let Some(start) = choose_start(&robot, known) {
         let f = &robot.config.filter;
         let seed = robot.config.seed.wrapping_add(travelled.len() as u64);
         let mut filter =
@@ -228,7 +260,11 @@ fn travel_among(
 ) -> Result<Option<Vec<Cluster>>> {
     let first = known.order.as_ref().and_then(|o| o.first().copied());
     let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
-    let known = Known { order: first.map(|c| vec![c]), reference: None };
+    // What members know of their poses tells where their cluster lies.
+    let of_cluster = |c: &Cluster| Prior::of_frame(&c.with_priors(&known.priors));
+    let priors: Vec<Option<Prior>> = clusters.iter().map(of_cluster).collect();
+    let of_maps = &known.priors;
+    let known = Known { order: first.map(|c| vec![c]), ..Known::default() };
     let overlays = parallel::map(clusters, |c| c.overlay(maps));
     let robot = VirtualRobot {
         maps: merged,
@@ -237,6 +273,7 @@ fn travel_among(
         order: None,
         config,
         rung,
+        priors: &priors,
         parts: Some(Parts { maps, overlays: &overlays }),
     };
     let travelled = travel(robot, &known, observer)?;
@@ -245,16 +282,19 @@ fn travel_among(
     }
     let joined: Vec<Cluster> = travelled
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, config))
+        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, of_maps, config))
         .collect();
     // What is split off again has not joined.
     Ok((joined.len() < clusters.len()).then_some(joined))
 }
 
-/// Where the robot starts through the next component: at the first map of the known order, or at the one with
-/// the most evidence in common with other open maps. None when no map is open.
-fn choose_start(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize> {
+/// Where the robot starts through the next component: at a pinned map, at the first map of the known order, or at
+/// the one with the most evidence in common with other open maps. None when no map is open.
+fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
+    let (pairs, open) = (robot.pairs, &robot.open);
     let is_open = |m: &usize| open[*m];
+    let pinned =
+        (0..open.len()).filter(is_open).find(|m| robot.prior(*m).is_some_and(|p| p.is_pinned));
     let first = known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
     let connected = |a: usize| -> f64 {
         (0..open.len())
@@ -271,13 +311,25 @@ fn choose_start(pairs: &PairTable, open: &[bool], known: &Known) -> Option<usize
             .reduce(|x, y| if y.1 > x.1 { y } else { x })
             .map(|(a, _)| a)
     };
-    first.or_else(strongest)
+    pinned.or(first).or_else(strongest)
+}
+
+/// Where priors say that two maps lie to each other.
+fn prior_hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
+    let prior = |m: usize| known.priors.get(m).and_then(Option::as_ref);
+    move |a, b| match (prior(a), prior(b)) {
+        (Some(a), Some(b)) => vec![a.t_world_map.between(&b.t_world_map)],
+        _ => Vec::new(),
+    }
 }
 
 fn check_known(known: &Known, n: usize) -> Result<()> {
     let fail = |key: &str, problem: String| Err(Error::Config { key: key.into(), problem });
-    if let Some(r) = known.reference.filter(|r| *r >= n) {
+    if let Some(r) = known.references.iter().find(|r| **r >= n) {
         return fail("reference", format!("index {r} of {n} maps"));
+    }
+    if !known.priors.is_empty() && known.priors.len() != n {
+        return fail("priors", format!("{} of them for {n} maps", known.priors.len()));
     }
     if let Some(order) = &known.order {
         let mut seen = vec![false; n];
@@ -289,8 +341,8 @@ fn check_known(known: &Known, n: usize) -> Result<()> {
                 return fail("order", format!("names map {m} twice"));
             }
         }
-        if let (Some(reference), Some(first)) = (known.reference, order.first()) {
-            if reference != *first {
+        if let (Some(reference), Some(first)) = (known.references.first(), order.first()) {
+            if reference != first {
                 return fail("order", "must begin with the reference map".into());
             }
         }

@@ -3,7 +3,7 @@
 //! Point-to-line residuals of every pair of maps that share walls, under a Geman-McClure kernel that
 //! narrows from the field's reach to the walls' noise (graduated non-convexity; Yang, Antonante,
 //! Tzoumas, Carlone, "Graduated non-convexity for robust spatial perception", 2020), solved by
-//! Gauss-Newton for all poses at once. The anchor's pose stays where it is.
+//! Gauss-Newton for all poses at once. Poses that are held stay where they are.
 
 use crate::config::Config;
 use crate::local_map::LocalMap;
@@ -24,7 +24,7 @@ const FINEST: f64 = 0.41;
 pub struct Refined {
     /// `T_world_map` of each map, in the order given.
     pub poses: Vec<Se2>,
-    /// Covariance of each pose relative to the anchor, whose own is zero.
+    /// Covariance of each pose relative to those held, whose own is zero.
     pub covariances: Vec<Matrix3<f64>>,
     /// Root mean square of the matched walls' residuals, metres; none without a match.
     pub rms: Option<f64>,
@@ -54,12 +54,12 @@ struct Normal {
     weight: f64,
 }
 
-/// Refines the poses of `members` (indices into `maps`); `members[anchor]` stays.
+/// Refines the poses of `members` (indices into `maps`); those at the positions `held` stay.
 pub fn refine(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
-    anchor: usize,
+    held: &[usize],
     config: &Config,
 ) -> Refined {
     let n = members.len();
@@ -73,8 +73,7 @@ pub fn refine(
     let mut iterations = 0;
     while iterations < config.refine.max_iterations && !edges.is_empty() {
         iterations += 1;
-        let Normal { mut h, g, .. } =
-            normal_equations(maps, members, &poses, &edges, anchor, scale);
+        let Normal { mut h, g, .. } = normal_equations(maps, members, &poses, &edges, held, scale);
         // Levenberg's damping, the same along both axes: a share of each axis' own information would
         // let a bare corridor, along which there is next to none, slide by any distance.
         for k in (0..3 * n).step_by(3) {
@@ -96,10 +95,10 @@ pub fn refine(
             break;
         }
     }
-    let normal = normal_equations(maps, members, &poses, &edges, anchor, narrow);
+    let normal = normal_equations(maps, members, &poses, &edges, held, narrow);
     let rms = (normal.weight > 0.0).then(|| (normal.squares / normal.weight).sqrt());
     Refined {
-        covariances: covariances(normal, anchor, n, resolution, config),
+        covariances: covariances(normal, held, n, resolution, config),
         poses,
         rms,
         edges,
@@ -107,20 +106,20 @@ pub fn refine(
     }
 }
 
-/// Covariances of refined poses relative to a member, the anchor.
+/// Covariances of refined poses relative to the members at the positions `held`.
 pub fn uncertainty(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
-    anchor: usize,
+    held: &[usize],
     config: &Config,
 ) -> Vec<Matrix3<f64>> {
     let edges = overlapping(maps, members, poses, config);
     let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let narrow =
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
-    let normal = normal_equations(maps, members, poses, &edges, anchor, narrow);
-    covariances(normal, anchor, members.len(), resolution, config)
+    let normal = normal_equations(maps, members, poses, &edges, held, narrow);
+    covariances(normal, held, members.len(), resolution, config)
 }
 
 /// Pairs of members whose walls agree at the given poses.
@@ -142,13 +141,13 @@ fn overlapping(
     all.into_iter().zip(keep).filter(|(_, k)| *k).map(|(e, _)| e).collect()
 }
 
-/// Normal equations of all edges, summed in the edges' order; the anchor's pose is held.
+/// Normal equations of all edges, summed in the edges' order; some poses are held.
 fn normal_equations(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
     edges: &[(usize, usize)],
-    anchor: usize,
+    held: &[usize],
     scale: f64,
 ) -> Normal {
     let n = members.len();
@@ -172,10 +171,12 @@ fn normal_equations(
         squares += b.squares;
         weight += b.weight;
     }
-    h.rows_mut(3 * anchor, 3).fill(0.0);
-    h.columns_mut(3 * anchor, 3).fill(0.0);
-    h.view_mut((3 * anchor, 3 * anchor), (3, 3)).fill_diagonal(1.0);
-    g.rows_mut(3 * anchor, 3).fill(0.0);
+    for k in held.iter().map(|k| 3 * k) {
+        h.rows_mut(k, 3).fill(0.0);
+        h.columns_mut(k, 3).fill(0.0);
+        h.view_mut((k, k), (3, 3)).fill_diagonal(1.0);
+        g.rows_mut(k, 3).fill(0.0);
+    }
     Normal { h, g, pulls, squares, weight }
 }
 
@@ -242,13 +243,13 @@ fn each_match(
     }
 }
 
-/// Covariances of the poses relative to the anchor, by how much the patches of walls pull against each other:
+/// Covariances of the poses relative to those held, by how much the patches of walls pull against each other:
 /// `H^-1 (sum of g_c g_c^T) H^-1` over the patches c (a cluster-robust covariance: Liang, Zeger, "Longitudinal data
 /// analysis using generalized linear models", 1986). Samples of one wall err together, and a bent map's patches
 /// each their own way: both show. On top comes what cells cannot tell.
 fn covariances(
     normal: Normal,
-    anchor: usize,
+    held: &[usize],
     n: usize,
     resolution: f64,
     config: &Config,
@@ -259,22 +260,24 @@ fn covariances(
     let mut information = normal.h.clone();
     // What pulls: every wall from both sides, so twice; and the cells, as coarse as they are.
     let mut pulls = normal.pulls * 2.0 + &normal.h * (sigma * sigma / discount);
-    for k in (0..3 * n).filter(|k| k / 3 != anchor) {
+    for k in (0..3 * n).filter(|k| !held.contains(&(k / 3))) {
         // A wide prior (10 m, 1 rad) keeps free directions finite, and large.
         let loose = sigma * sigma / discount * if k % 3 == 2 { 1.0 } else { 0.01 };
         information[(k, k)] += loose;
         pulls[(k, k)] += loose * loose * if k % 3 == 2 { 1.0 } else { 100.0 };
     }
-    for m in [&mut information, &mut pulls] {
-        m.rows_mut(3 * anchor, 3).fill(0.0);
-        m.columns_mut(3 * anchor, 3).fill(0.0);
+    for k in held.iter().map(|k| 3 * k) {
+        for m in [&mut information, &mut pulls] {
+            m.rows_mut(k, 3).fill(0.0);
+            m.columns_mut(k, 3).fill(0.0);
+        }
+        information.view_mut((k, k), (3, 3)).fill_diagonal(1.0);
     }
-    information.view_mut((3 * anchor, 3 * anchor), (3, 3)).fill_diagonal(1.0);
     let all =
         information.cholesky().map(|c| c.inverse()).map(|inverse| &inverse * pulls * &inverse);
     (0..n)
         .map(|k| match &all {
-            _ if k == anchor => Matrix3::zeros(),
+            _ if held.contains(&k) => Matrix3::zeros(),
             Some(all) => {
                 let own = all.fixed_view::<3, 3>(3 * k, 3 * k).into_owned();
                 0.5 * (own + own.transpose())

@@ -3,6 +3,7 @@
 use crate::evidence::{Hypothesis, Status};
 use crate::filter::Step;
 use crate::fuse::Fused;
+use crate::prior::Prior;
 use crate::registration::PairModes;
 use crate::se2::Se2;
 use nalgebra::Matrix3;
@@ -12,8 +13,11 @@ use nalgebra::Matrix3;
 pub struct Known {
     /// The order in which the maps connect (indices; maps left out come after, in any order).
     pub order: Option<Vec<usize>>,
-    /// The map whose frame is that of its component.
-    pub reference: Option<usize>,
+    /// Maps whose frames are those of their components; of several in one component, the first.
+    pub references: Vec<usize>,
+    /// What is known of each map's pose in one world; empty when nothing is. Components with such maps are one, in
+    /// that world, and no reference lends it its frame.
+    pub priors: Vec<Option<Prior>>,
 }
 
 /// Where a map ended up.
@@ -23,7 +27,8 @@ pub struct Placement {
     pub component: Option<usize>,
     /// `T_component_map`; none for a blank map.
     pub t_component_map: Option<Se2>,
-    /// Covariance of the pose relative to the component's reference map.
+    /// Covariance of the pose relative to the component's reference map; in a world that priors give, of the pose
+    /// there.
     pub covariance: Matrix3<f64>,
     /// In what standing.
     pub status: Status,
@@ -36,6 +41,8 @@ pub struct Placement {
 pub struct Component {
     /// The map whose frame is the component's.
     pub reference: usize,
+    /// Whether the frame is the priors' world instead.
+    pub in_world: bool,
     /// Maps in the order in which the most probable particles merged them.
     pub order: Vec<usize>,
     /// The filter's steps.

@@ -12,6 +12,7 @@ use crate::merge;
 use crate::parallel;
 use crate::result::{Known, Merge, Observer};
 use crate::se2::Se2;
+use crate::standing::{self, Answer, Question};
 
 struct Seen {
     grid: OccupancyGrid,
@@ -76,6 +77,18 @@ impl Session {
         found
     }
 
+    /// How arrangements that were found earlier stand under the maps as they are now; indices are those of
+    /// [`Session::names`].
+    pub fn weigh(
+        &mut self,
+        known: &Known,
+        questions: &[Question],
+        observer: Observer,
+    ) -> Result<Vec<Answer>> {
+        let grids: Vec<&OccupancyGrid> = self.maps.iter().map(|m| &m.grid).collect();
+        standing::answers(&mut self.cache, &grids, known, &self.config, questions, observer)
+    }
+
     /// One map of some of the maps at poses `T_frame_map`, see [`fuse::fuse`].
     pub fn fuse(&self, name: &str, placed: &[(&str, Se2)]) -> Result<Fused> {
         let placed = placed.iter().map(|(map, t)| Ok((self.grid(map)?, *t)));
@@ -85,12 +98,16 @@ impl Session {
     }
 
     fn grid(&self, name: &str) -> Result<&OccupancyGrid> {
+        Ok(&self.maps[self.index(name)?].grid)
+    }
+
+    /// Index of the map of that name.
+    pub fn index(&self, name: &str) -> Result<usize> {
         let missing = || Error::Grid {
             map: name.into(),
             field: "name",
             problem: "the session has no map of that name".into(),
         };
-        let seen = self.maps.iter().find(|m| m.grid.name() == name);
-        seen.map(|m| &m.grid).ok_or_else(missing)
+        self.maps.iter().position(|m| m.grid.name() == name).ok_or_else(missing)
     }
 }

@@ -9,7 +9,8 @@ use crate::filter::{LogWeight, Model, Stream};
 use crate::local_map::LocalMap;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
-use crate::registration::pair::inverse;
+use crate::prior::{self, Fit, Prior};
+use crate::registration::pair::{inverse, log_search_volume};
 use crate::registration::{climb, PairModes, SAME_WORLD};
 use crate::se2::Se2;
 use crate::verdict::{self, Background};
@@ -103,6 +104,8 @@ pub struct VirtualRobot<'a> {
     pub config: &'a Config,
     /// Which degree of bending that is, 0 the finest.
     pub rung: usize,
+    /// What is known of each map's pose in one world; empty when nothing is.
+    pub priors: &'a [Option<Prior>],
     /// What the maps are merged of, when they are merged maps themselves.
     pub parts: Option<Parts<'a>>,
 }
@@ -116,9 +119,35 @@ pub struct Parts<'a> {
 }
 
 impl VirtualRobot<'_> {
-    /// The state at the start: the reference map at the world's origin.
+    /// The state at the start: the reference map at the world's origin, and where it is pinned, all others that
+    /// are.
     pub fn start(&self, reference: usize) -> Overlay {
-        self.fold(&Overlay::default(), reference, Se2::IDENTITY, 1.0)
+        let start = self.fold(&Overlay::default(), reference, Se2::IDENTITY, 1.0);
+        let pin = |m: usize| self.prior(m).filter(|p| p.is_pinned).map(|p| p.t_world_map);
+        let Some(t_world_reference) = pin(reference) else { return start };
+        let others = (0..self.maps.len()).filter(|m| *m != reference && self.open[*m]);
+        others
+            .filter_map(|m| Some((m, pin(m)?)))
+            .fold(start, |merged, (m, t)| self.fold(&merged, m, t_world_reference.between(&t), 1.0))
+    }
+
+    /// What is known of a map's pose.
+    pub fn prior(&self, map: usize) -> Option<&Prior> {
+        self.priors.get(map).and_then(Option::as_ref)
+    }
+
+    /// How a map's prior takes its poses in the frame of some placed maps; none where priors say nothing.
+    fn prior_fit<'s>(
+        &'s self,
+        placed: &[(usize, Se2)],
+        map: usize,
+    ) -> Option<impl Fn(&Se2, &Matrix3<f64>) -> Option<Fit> + 's> {
+        let prior = self.prior(map)?;
+        let known = placed.iter().filter_map(|(m, t)| Some((*t, self.prior(*m)?)));
+        let frame = Prior::of_frame(&known.collect::<Vec<_>>())?;
+        let volume = |(m, _): &(usize, Se2)| log_search_volume(&self.maps[*m], &self.maps[map]);
+        let volume = placed.iter().map(volume).fold(0.0, f64::max);
+        Some(move |t: &Se2, covariance: &Matrix3<f64>| prior.fit(&frame, t, covariance, volume))
     }
 
     fn fold(&self, merged: &Overlay, map: usize, t_world_map: Se2, probability: f64) -> Overlay {
@@ -139,6 +168,12 @@ impl VirtualRobot<'_> {
                     x_i.transport_covariance(&covariance),
                 ));
             }
+        }
+        if let Some(fit) = self.prior_fit(placed, map) {
+            let near = |(support, x, covariance): (f64, Se2, Matrix3<f64>)| {
+                fit(&x, &covariance).map(|f| (support + f.log_odds, f.pose, covariance))
+            };
+            found = found.into_iter().filter_map(near).collect();
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut kept: Vec<(f64, Se2, Matrix3<f64>)> = Vec::new();
@@ -202,7 +237,17 @@ impl VirtualRobot<'_> {
         let background = Background::new(involved, self.rung, decoy);
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();
-        let verdict = verdict::weigh(&poses, &background, c);
+        let mut verdict = verdict::weigh(&poses, &background, c);
+        let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
+        if let Some(fit) = self.prior_fit(&placed, map) {
+            // Walls that speak against a pose do not hold it, wherever the prior would have it.
+            let odds = |(x, covariance, e): &(Se2, Matrix3<f64>, WallEvidence)| {
+                let fit = fit(x, covariance).filter(|_| e.log_likelihood > 0.0);
+                fit.map_or(f64::NEG_INFINITY, |f| f.log_odds)
+            };
+            let odds: Vec<f64> = seen.iter().map(odds).collect();
+            verdict = prior::weighed(&verdict, &odds, c.min_probability);
+        }
         // Somewhere it must lie for sure before it is asked where.
         if !verdict.is_carried {
             return Vec::new();

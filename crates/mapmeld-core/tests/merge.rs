@@ -125,13 +125,13 @@ fn a_known_order_and_a_named_reference_tell_of_the_same_world() {
     let r = robots(&mut rng(51), 3);
     let m = merged(&r.grids, &Known::default());
     for order in [vec![0, 1, 2], vec![1, 2, 0], vec![2]] {
-        let known = Known { order: Some(order.clone()), reference: None };
+        let known = Known { order: Some(order.clone()), ..Known::default() };
         let x = merged(&r.grids, &known);
         assert!(x.components[0].order.starts_with(&order), "{:?}", x.components[0].order);
         assert_same_world(&m, &x, &[0, 1, 2], &r);
     }
     for reference in 0..3 {
-        let known = Known { order: None, reference: Some(reference) };
+        let known = Known { references: vec![reference], ..Known::default() };
         let x = merged(&r.grids, &known);
         assert_eq!(x.components[0].reference, reference);
         assert_eq!(x.placements[reference].t_component_map, Some(Se2::IDENTITY));
@@ -215,7 +215,7 @@ fn one_map_blank_maps_and_none() {
 #[test]
 fn the_same_map_twice_lies_on_itself() {
     let grid = robots(&mut rng(71), 1).grids.remove(0);
-    let m = merged(&[grid.clone(), grid], &Known { order: None, reference: Some(0) });
+    let m = merged(&[grid.clone(), grid], &Known { references: vec![0], ..Known::default() });
     let t = m.placements[1].t_component_map.unwrap();
     let (metres, degrees) = apart(&t, &Se2::IDENTITY, Vec2::new(0.0, 0.0));
     assert!(metres < 0.2 * CELL && degrees < 0.1, "{t:?}");
@@ -251,9 +251,13 @@ fn an_observer_hears_all_stages_and_stops_any() {
 #[test]
 fn what_is_known_is_checked() {
     let grids = robots(&mut rng(73), 2).grids;
-    let fails = |order: Option<Vec<usize>>, reference, key: &str| {
-        let e =
-            merge(grids.clone(), &Known { order, reference }, &Config::default(), &|_, _, _| true);
+    let fails = |order: Option<Vec<usize>>, reference: Option<usize>, key: &str| {
+        let e = merge(
+            grids.clone(),
+            &Known { order, references: reference.into_iter().collect(), ..Known::default() },
+            &Config::default(),
+            &|_, _, _| true,
+        );
         match e.unwrap_err() {
             Error::Config { key: k, .. } => assert_eq!(k, key),
             other => panic!("{other:?}"),

@@ -28,7 +28,8 @@ pub fn merge<'py>(
         .into_iter()
         .map(|(name, data, resolution, origin)| convert::grid(name, &data, resolution, origin))
         .collect::<PyResult<Vec<_>>>()?;
-    let known = Known { order, reference };
+    let references = reference.into_iter().collect();
+    let known = Known { order, references, ..Known::default() };
     let work = move |tell: Tell| core_merge(grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
     let found = watched(py, progress, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
@@ -52,6 +53,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
     for c in &m.components {
         let d = PyDict::new(py);
         d.set_item("reference", c.reference)?;
+        d.set_item("in_world", c.in_world)?;
         d.set_item("order", &c.order)?;
         d.set_item("rms", c.rms)?;
         d.set_item("conflict_cells", c.fused.conflicts)?;

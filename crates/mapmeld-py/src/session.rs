@@ -3,12 +3,47 @@
 use crate::convert;
 use crate::merge::to_dict;
 use crate::watch::{watched, Tell};
+use mapmeld_core::error::Error;
+use mapmeld_core::prior::Prior;
 use mapmeld_core::result::Known;
+use mapmeld_core::standing::Question;
 use mapmeld_core::Session as CoreSession;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A map and its pose.
+type Placed = (String, [f64; 3]);
+
+/// Maps in one frame, others in another one, and places of this in that, T_base_moved.
+type Asked = (Vec<Placed>, Vec<Placed>, Vec<[f64; 3]>);
+
+/// Each place's probability and the first place that is the same, and the probability of the best other place.
+type Weighed = (Vec<(f64, usize)>, f64);
+
+/// A map, its T_world_map, and standard deviations; none where it is pinned.
+type GivenPrior = (String, [f64; 3], Option<[f64; 3]>);
+
+fn known(
+    session: &CoreSession,
+    references: &[String],
+    priors: &[GivenPrior],
+) -> Result<Known, Error> {
+    let references = references.iter().map(|n| session.index(n)).collect::<Result<_, _>>()?;
+    let mut known = Known { references, ..Known::default() };
+    if !priors.is_empty() {
+        known.priors = vec![None; session.names().len()];
+    }
+    for (name, t_world_map, sigma) in priors {
+        let t_world_map = convert::pose(*t_world_map);
+        known.priors[session.index(name)?] = Some(match sigma {
+            Some(sigma) => Prior::new(t_world_map, *sigma),
+            None => Prior::pinned(t_world_map),
+        });
+    }
+    Ok(known)
+}
 
 /// Maps that come, change and go. Calls wait for one another: a merge that was left early ends with its piece of
 /// work first.
@@ -58,19 +93,53 @@ impl Session {
         self.with(py, |s| s.names().into_iter().map(str::to_owned).collect())
     }
 
-    /// Merges the maps as they are; `progress` as in merge.
-    #[pyo3(signature = (progress=None))]
+    /// Merges the maps as they are; `progress` as in merge. References are names of maps, those that shall lend
+    /// their frames first; priors are (name, T_world_map, standard deviations, or none where it is pinned).
+    #[pyo3(signature = (references, priors, progress=None))]
     fn merge<'py>(
         &self,
         py: Python<'py>,
+        references: Vec<String>,
+        priors: Vec<GivenPrior>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let session = Arc::clone(&self.0);
         let work = move |tell: Tell| {
-            locked(&session).merge(&Known::default(), &|s, d, t| tell.tell(s, d, t))
+            let mut session = locked(&session);
+            let known = known(&session, &references, &priors)?;
+            session.merge(&known, &|s, d, t| tell.tell(s, d, t))
         };
         let found = watched(py, progress, work)?;
         to_dict(py, &found.map_err(convert::to_py_err)?)
+    }
+
+    /// How probable places of some maps to others are by the maps as they are: for each question (base, moved,
+    /// places), with maps as (name, T_base_map) and (name, T_moved_map) and places as T_base_moved, for each place its
+    /// probability and which of them is the same, by index; and the probability of the best other place.
+    #[pyo3(signature = (questions, priors, progress=None))]
+    fn weigh(
+        &self,
+        py: Python<'_>,
+        questions: Vec<Asked>,
+        priors: Vec<GivenPrior>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Vec<Weighed>> {
+        let session = Arc::clone(&self.0);
+        let work = move |tell: Tell| {
+            let mut session = locked(&session);
+            let known = known(&session, &[], &priors)?;
+            let placed = |maps: &[Placed]| -> Result<Vec<_>, Error> {
+                maps.iter().map(|(n, t)| Ok((session.index(n)?, convert::pose(*t)))).collect()
+            };
+            let question = |(base, moved, places): &Asked| {
+                let places = places.iter().map(|t| convert::pose(*t)).collect();
+                Ok(Question { base: placed(base)?, moved: placed(moved)?, places })
+            };
+            let questions = questions.iter().map(question).collect::<Result<Vec<_>, Error>>()?;
+            session.weigh(&known, &questions, &|s, d, t| tell.tell(s, d, t))
+        };
+        let answers = watched(py, progress, work)?.map_err(convert::to_py_err)?;
+        Ok(answers.into_iter().map(|a| (a.places, a.rival)).collect())
     }
 
     /// One map of some of the maps at poses T_frame_map, the first of which draws the walls.
@@ -78,7 +147,7 @@ impl Session {
         &self,
         py: Python<'py>,
         name: &str,
-        placed: Vec<(String, [f64; 3])>,
+        placed: Vec<Placed>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let fused = self.with(py, |s| {
             let placed: Vec<_> =

@@ -46,9 +46,9 @@ class MergeSession:
         self.robots = Robots(parameters.max_map_cells)
         self.merged = MergedMaps(options)
         self._names = ComponentNames(parameters.world_frame)
-        # Robots that users pinned, and those that known poses place.
+        # Robots that are pinned, by users or because their known poses are exact.
+        self._pinned: set[str] = set()
         self._pinned_by_user: set[str] = set()
-        self._placed: set[str] = set()
         self._known = Known(Estimate((), (), None, 0, 0.0), ())
 
     @property
@@ -73,7 +73,7 @@ class MergeSession:
         """Forgets a robot and its pin."""
         robot = self.robots.leave(name)
         self._pinned_by_user.discard(name)
-        self._placed.discard(name)
+        self._pinned.discard(name)
         if robot is not None and robot.grid is not None:
             self.estimator.remove(name)
 
@@ -89,16 +89,14 @@ class MergeSession:
         pose = None if found is None else found.pose
         if pose is not None and p.legacy_init_poses:
             pose = legacy_pose(pose, robot.grid)
-        if name in self._placed:
-            self.estimator.unpin(name)
-            self.estimator.set_prior(name, None)
-            self._placed.discard(name)
-        if found is not None:
-            if found.sigma is None:
-                self.estimator.pin(name, pose)
-            else:
-                self.estimator.set_prior(name, Prior(pose, found.sigma))
-            self._placed.add(name)
+        if pose is not None and found.sigma is None:
+            self.estimator.pin(name, pose)
+            self._pinned.add(name)
+        else:
+            self._let_go(name)
+        self.estimator.set_prior(
+            name, Prior(pose, found.sigma) if pose is not None and found.sigma is not None else None
+        )
         return found
 
     def pin(self, name: str, pose: tuple[float, float, float] | None) -> tuple[float, float, float]:
@@ -110,14 +108,16 @@ class MergeSession:
             self.estimator.pin(name, pose)
         except MapmeldError as error:
             raise Refused(str(error)) from None
+        self._pinned.add(name)
         self._pinned_by_user.add(name)
         return pose
 
     def unpin(self, name: str) -> None:
         """Lets the walls place a robot, and its known pose where that has standard deviations. Raises Refused."""
         self._robot_with_map(name)
-        self.estimator.unpin(name)
-        self._pinned_by_user.discard(name)
+        if name not in self._pinned:
+            raise Refused(f"{name!r} is not pinned")
+        self._let_go(name)
 
     def grids(self) -> dict[str, OccupancyGrid]:
         """The robots' newest maps, those that joined first in front."""
@@ -139,6 +139,12 @@ class MergeSession:
         if is_first or has_moved:
             self.place_known(name)
         return True
+
+    def _let_go(self, name: str) -> None:
+        if name in self._pinned:
+            self.estimator.unpin(name)
+        self._pinned.discard(name)
+        self._pinned_by_user.discard(name)
 
     def _robot_with_map(self, name: str) -> None:
         robot = self.robots.get(name)

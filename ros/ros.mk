@@ -6,7 +6,7 @@ ROS_PY := $(ROS_VENV)/bin/python
 ROS_INTERFACES := ros/test_interfaces/tf2_msgs ros/test_interfaces/map_msgs ros/mapmeld_msgs
 ROS_INTERFACE_FILES := $(foreach p,$(ROS_INTERFACES),$(wildcard $(p)/msg/* $(p)/srv/* $(p)/package.xml $(p)/CMakeLists.txt))
 
-.PHONY: ros ros-test test-ros
+.PHONY: ros ros-test ros-bench test-ros
 
 ros: $(ROS_VENV)/.ready
 
@@ -29,6 +29,9 @@ $(ROS_VENV)/.ready: $(VENV)/.built $(ROS_VENV)/.interfaces
 
 ros-test: $(ROS_VENV)/.ready
 	$(ROS_PY) -m pytest -c ros/mapmeld_ros/pytest.ini ros/mapmeld_ros/test
+
+ros-bench: $(ROS_VENV)/.ready
+	$(ROS_PY) ros/mapmeld_ros/benchmark/latency.py
 
 # What `make test` does: runs them where it can, and says so where it cannot.
 test-ros:

@@ -6,11 +6,11 @@ import time
 from typing import TYPE_CHECKING
 
 from map_msgs.msg import OccupancyGridUpdate
-from mapmeld import Estimate
 from mapmeld_msgs.msg import MergeEstimate
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from rclpy.clock import Clock, ClockType
 
+from mapmeld import Estimate
 from mapmeld_ros.checks import BadMessage
 from mapmeld_ros.discovery import TF_TYPE, find_robots, in_namespace, with_own_tf
 from mapmeld_ros.estimation import EstimationWorker
@@ -27,7 +27,8 @@ from mapmeld_ros.transforms import link, plan
 if TYPE_CHECKING:
     from mapmeld_ros.node import MapMerge
 
-# How often the node looks after the robots that it knows: their publishers' quality of service, their silence.
+# How often the node looks after the robots that it knows: their publishers' quality of service, their
+# silence.
 _TICK_SECONDS = 0.5
 # Right after the start the graph is still being found, so robots are looked for at every tick for so long.
 _EAGER_SECONDS = 10.0
@@ -56,7 +57,9 @@ class Active:
             self._take_estimate,
             self._estimate_failed,
         )
-        self._merging = MergeWorker(lambda: node.parameters.merging_rate, self._publish_maps, self._merge_failed)
+        self._merging = MergeWorker(
+            lambda: node.parameters.merging_rate, self._publish_maps, self._merge_failed
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timers = [node.create_timer(_TICK_SECONDS, self._tick, clock=steady)]
         if node.parameters.publish_tf == "dynamic":
@@ -177,7 +180,9 @@ class Active:
         try:
             has_changed = take()
         except BadMessage as error:
-            self._warn((name, error.field), f"robot {name!r}: {kind} not used: {error}; its last good map stays")
+            self._warn(
+                (name, error.field), f"robot {name!r}: {kind} not used: {error}; its last good map stays"
+            )
             return
         except BadKnownPose as error:
             self._log.error(f"robot {name!r}: {error}; its map is placed by its walls")
@@ -219,8 +224,13 @@ class Active:
         placed = {r.name: r for r in known.estimate.robots if r.T_world_map is not None}
         # Those that joined first in front: a frame that two claim stays with the first.
         links = [
-            link(name, known.names[placed[name].component].frame, robot.frame, placed[name].T_world_map,
-                 name in self._own_tf)
+            link(
+                name,
+                known.names[placed[name].component].frame,
+                robot.frame,
+                placed[name].T_world_map,
+                name in self._own_tf,
+            )
             for name, robot in robots.items()
             if name in placed and placed[name].component is not None
         ]

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mapmeld import Estimate
-
 from mapmeld_ros.discovery import ROOT
 
 
 @dataclass(frozen=True)
 class Named:
-    """A component. number: 1 is published on the merged map's topic, n on that topic with _n. frame: its frame."""
+    """A component. number: 1 is published on the merged map's topic, n on that topic with _n. frame: its
+    frame."""
 
     number: int
     frame: str
@@ -52,7 +52,9 @@ class ComponentNames:
                 numbers.append(1)
                 continue
             # The number of the earlier component that shares most robots with this one, where it is free.
-            earlier = [(len(names & known), -n) for n, known in self._known.items() if n > 1 and n not in numbers]
+            earlier = [
+                (len(names & known), -n) for n, known in self._known.items() if n > 1 and n not in numbers
+            ]
             shared, minus = max(earlier, default=(0, 0))
             numbers.append(-minus if shared else 0)
         for k, number in enumerate(numbers):

@@ -10,10 +10,10 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseWithCovariance, TransformStamped
 from map_msgs.msg import OccupancyGridUpdate
-from mapmeld import OccupancyGrid
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from numpy.typing import NDArray
 
+from mapmeld import OccupancyGrid
 from mapmeld_ros.checks import (
     MAX_CELLS,
     BadMessage,
@@ -61,7 +61,8 @@ def apply_update(grid: OccupancyGrid, msg: OccupancyGridUpdate) -> OccupancyGrid
     ):
         if first < 0 or first + size > whole:
             raise BadMessage(
-                field, f"cells {first} to {first + size} do not lie in the map's 0 to {whole}; awaiting a whole map"
+                field,
+                f"cells {first} to {first + size} do not lie in the map's 0 to {whole}; awaiting a whole map",
             )
     if len(msg.data) != msg.width * msg.height:
         raise BadMessage("data", f"{len(msg.data)} cells, width x height is {msg.width} x {msg.height}")

@@ -50,6 +50,5 @@ def with_own_tf(topics: Iterable[tuple[str, Sequence[str]]], robots: Iterable[st
     return {
         robot
         for robot in robots
-        if robot != ROOT
-        and transforms & {in_namespace(robot, "tf"), in_namespace(robot, "tf_static")}
+        if robot != ROOT and transforms & {in_namespace(robot, "tf"), in_namespace(robot, "tf_static")}
     }

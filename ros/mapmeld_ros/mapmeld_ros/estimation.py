@@ -19,12 +19,12 @@ class Superseded(Exception):
 class EstimationWorker:
     """Estimates whenever something has changed, at most `rate()` times a second.
 
-    An estimate that has run for `timeout()` seconds while newer maps came is given up and started anew on what is
-    there now: never are two estimates under way or waiting. What pairs had been compared stays known, and the next
-    one has twice the time, so that maps that come without pause cannot keep one from ending.
+    An estimate that has run for `timeout()` seconds while newer maps came is given up and started anew on
+    what is there now: never are two estimates under way or waiting. What pairs had been compared stays known,
+    and the next one has twice the time, so that maps that come without pause cannot keep one from ending.
 
-    on_estimate: hears each estimate. on_error: hears what an estimate raised; the next change tries again. Both
-    are called on the worker's thread.
+    on_estimate: hears each estimate. on_error: hears what an estimate raised; the next change tries again.
+    Both are called on the worker's thread.
     """
 
     def __init__(

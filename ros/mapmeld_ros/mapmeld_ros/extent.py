@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mapmeld import OccupancyGrid
 
 # A map that had this many times the cells it needs has been placed anew; keeping its extent helps nobody.
-_MOST_TO_SPARE = 4.0
+_MOST_TO_SPARE = 16.0
 # Cells by which lattices may miss each other: what floating point leaves.
 _LATTICE_TOLERANCE = 1e-3
 
@@ -14,8 +15,8 @@ _LATTICE_TOLERANCE = 1e-3
 def grown(grid: OccupancyGrid, earlier: OccupancyGrid | None) -> OccupancyGrid:
     """The grid, padded with unknown cells so that it covers `earlier` too.
 
-    A grid that does not share the earlier one's resolution and lattice comes back as it is, and so does one that
-    would be mostly padding.
+    A grid that does not share the earlier one's resolution and lattice comes back as it is, and so does one
+    that would be mostly padding.
     """
     if earlier is None or grid.resolution != earlier.resolution or grid.origin[2] != earlier.origin[2]:
         return grid

@@ -20,8 +20,8 @@ _MAP_DEPTH, _UPDATE_DEPTH = 1, 50
 class TopicListener:
     """Subscribes to a topic so that each of its publishers is heard, whatever it offers.
 
-    on_mismatch: hears a sentence when a publisher came that the subscription does not match; the next follow()
-    puts that right.
+    on_mismatch: hears a sentence when a publisher came that the subscription does not match; the next
+    follow() puts that right.
     """
 
     def __init__(

@@ -9,7 +9,6 @@ from typing import Any
 
 from mapmeld import Estimate, OccupancyGrid, fuse
 from mapmeld.errors import MapmeldError
-
 from mapmeld_ros.components import Named
 from mapmeld_ros.extent import grown
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
-from mapmeld.errors import MapmeldError
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from mapmeld.errors import MapmeldError
 from mapmeld_ros import parameters as node_parameters
 from mapmeld_ros.active import Active
 from mapmeld_ros.known_poses import AXES, SIGMAS, parameter_name
@@ -29,15 +28,15 @@ class MapMerge(LifecycleNode):
     """
 
     def __init__(self, node_name: str = "map_merge", **kwargs: Any) -> None:
-        # Poses of robots have names that nobody knows before the robots come.
-        super().__init__(node_name, allow_undeclared_parameters=True, **kwargs)
-        self._in_effect = node_parameters.declare(self)
+        # Before the node is made: what fails on the way is destroyed.
         self._session: MergeSession | None = None
         self._publishing: Publishing | None = None
         self._answers: Services | None = None
         self._active: Active | None = None
-        self._start_timer = None
         self._is_declaring = False
+        # Poses of robots have names that nobody knows before the robots come.
+        super().__init__(node_name, allow_undeclared_parameters=True, **kwargs)
+        self._in_effect = node_parameters.declare(self)
         for name, value in vars(self._in_effect).items():
             if problem := node_parameters.problem(name, value):
                 raise ValueError(f"parameter {problem}")
@@ -45,7 +44,9 @@ class MapMerge(LifecycleNode):
         self.add_post_set_parameters_callback(self._was_set)
         if self._in_effect.autostart:
             # From the executor, so that a container or a test has the node before it does anything.
-            self._start_timer = self.create_timer(0.0, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            self._start_timer = self.create_timer(
+                0.0, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            )
 
     @property
     def parameters(self) -> node_parameters.Parameters:
@@ -75,7 +76,8 @@ class MapMerge(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        assert self._session is not None and self._publishing is not None
+        assert self._session is not None
+        assert self._publishing is not None
         self._active = Active(self, self._session, self._publishing)
         return super().on_activate(state)
 
@@ -142,5 +144,3 @@ class MapMerge(LifecycleNode):
         for robot in self._session.robots.all():
             if names & {parameter_name(robot.name, what) for what in (*AXES, *SIGMAS)}:
                 self._active.place_known(robot.name)
-
-

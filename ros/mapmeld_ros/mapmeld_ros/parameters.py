@@ -41,11 +41,12 @@ class Parameters:
         0.5, "Most estimates of the robots' places a second, Hz.", between=(0.001, 100.0), is_live=True
     )
     known_init_poses: bool = _parameter(
-        True, "Whether /<robot>/map_merge/init_pose_* place the robots that have them; the others are estimated."
+        True,
+        "Whether /<robot>/map_merge/init_pose_* place the robots that have them; the others are estimated.",
     )
     estimation_confidence: float = _parameter(
         1.0,
-        "How sure a merge must be: 1 is a probability of 0.8; the rest to certainty shrinks fivefold with every 1 more.",
+        "How sure a merge must be: 1 is a probability of 0.8; the doubt left shrinks fivefold with every 1 more.",
         between=(0.0, 10.0),
     )
     robot_map_topic: str = _parameter("map", "Name of the robots' map topics below their namespaces.")
@@ -58,8 +59,8 @@ class Parameters:
 
     legacy_init_poses: bool = _parameter(
         False,
-        "Whether init_pose_* are taken as multirobot_map_merge's code takes them, against its documentation: in "
-        "cells, inverted, about the corner of the robot's grid.",
+        "Whether init_pose_* are taken as multirobot_map_merge's code takes them, against its documentation: "
+        "in cells, inverted, about the corner of the robot's grid.",
     )
     init_pose_sigma_xy: float = _parameter(
         0.0,
@@ -91,7 +92,7 @@ class Parameters:
     )
     tf_namespaces: str = _parameter(
         "auto",
-        "Whether a robot's transform goes to /<robot>/tf(_static): auto (when the robot has one), always, never.",
+        "Whether a robot's transform goes to /<robot>/tf(_static): auto (if the robot has one), always, never.",
         one_of=TF_NAMESPACES,
     )
     config_file: str = _parameter("", "YAML file with options of the merge itself; empty: the defaults.")
@@ -110,7 +111,9 @@ def descriptor(name: str) -> ParameterDescriptor:
     result = ParameterDescriptor(name=name, description=parameter.metadata["description"])
     between, one_of = parameter.metadata["between"], parameter.metadata["one_of"]
     if between is not None and isinstance(parameter.default, float):
-        result.floating_point_range = [FloatingPointRange(from_value=between[0], to_value=between[1], step=0.0)]
+        result.floating_point_range = [
+            FloatingPointRange(from_value=between[0], to_value=between[1], step=0.0)
+        ]
     elif between is not None:
         result.integer_range = [IntegerRange(from_value=int(between[0]), to_value=int(between[1]), step=1)]
     if one_of is not None:

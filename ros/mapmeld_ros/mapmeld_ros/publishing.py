@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from mapmeld import OccupancyGrid
 from mapmeld_msgs.msg import MergeEstimate
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from rclpy.node import Node
@@ -15,6 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 
+from mapmeld import OccupancyGrid
 from mapmeld_ros.components import Named, topic_of
 from mapmeld_ros.conversions import grid_to_message, transform_message
 from mapmeld_ros.qos import LATCHED
@@ -46,7 +46,8 @@ class Publishing:
             return {publisher.topic_name for publisher in self._maps.values()}
 
     def maps(self, changed: Sequence[tuple[Named, OccupancyGrid]], numbers: set[int], stamp: Time) -> None:
-        """Publishes merged maps. numbers: of all there are now; a topic without a map goes, but for the first."""
+        """Publishes merged maps. numbers: of all there are now; a topic without a map goes, but for the
+        first."""
         with self._lock:
             for number in set(self._maps) - numbers - {1}:
                 self._node.destroy_publisher(self._maps.pop(number))

@@ -1,8 +1,8 @@
 """Quality of service: what the node publishes with, and how it subscribes so that every publisher is heard.
 
-A subscription that asks for the last message (transient_local) is not matched with a publisher that keeps none
-(volatile), and one that does not ask never gets a map that was published before it came. So the node asks each
-topic's publishers what they offer.
+A subscription that asks for the last message (transient_local) is not matched with a publisher that keeps
+none (volatile), and one that does not ask never gets a map that was published before it came. So the node
+asks each topic's publishers what they offer.
 """
 
 from __future__ import annotations
@@ -16,9 +16,7 @@ Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
 _RELIABLE, _BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 _LATCHED, _VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 
-LATCHED = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=_RELIABLE, durability=_LATCHED
-)
+LATCHED = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=_RELIABLE, durability=_LATCHED)
 """Merged maps, estimates and static transforms: whoever comes late gets the newest one."""
 
 
@@ -39,9 +37,7 @@ def requests(offers: Iterable[Offer]) -> tuple[Offer, ...]:
 
 def profile(offer: Offer, depth: int) -> QoSProfile:
     """A subscription's profile."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=offer[0], durability=offer[1]
-    )
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=offer[0], durability=offer[1])
 
 
 def described(offer: Offer) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
-from mapmeld import Estimate
-from mapmeld.estimate import RobotEstimate
 from mapmeld_msgs.msg import MergeComponent, MergeEstimate, RobotPlacement
 
+from mapmeld import Estimate
+from mapmeld.estimate import RobotEstimate
 from mapmeld_ros.components import Named, topic_of
 from mapmeld_ros.conversions import pose_message, pose_with_covariance
 from mapmeld_ros.robots import Robot

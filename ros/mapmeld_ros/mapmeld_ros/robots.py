@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 from builtin_interfaces.msg import Time
 from map_msgs.msg import OccupancyGridUpdate
-from mapmeld import OccupancyGrid
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 
+from mapmeld import OccupancyGrid
 from mapmeld_ros.checks import MAX_CELLS, BadMessage
 from mapmeld_ros.conversions import apply_update, grid_from_message
 
@@ -61,7 +61,8 @@ class Robots:
             return tuple(self._robots.values())
 
     def take_map(self, name: str, msg: OccupancyGridMsg, now: float) -> OccupancyGrid | None:
-        """The robot's new grid; None for a robot that has left. Raises BadMessage, and keeps the last good map."""
+        """The robot's new grid; None for a robot that has left. Raises BadMessage, and keeps the last good
+        map."""
         return self._take(name, msg, now, lambda robot: grid_from_message(msg, name, self._max_cells))
 
     def take_update(self, name: str, msg: OccupancyGridUpdate, now: float) -> OccupancyGrid | None:

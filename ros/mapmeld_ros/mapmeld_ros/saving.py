@@ -8,7 +8,6 @@ from typing import Any
 
 from mapmeld import OccupancyGrid, write_map
 from mapmeld.output import RESULT, OutputFolder
-
 from mapmeld_ros.robots import Robot
 from mapmeld_ros.session import Known, Refused
 
@@ -18,8 +17,8 @@ def save(
 ) -> list[str]:
     """Writes merged.yaml and .pgm (merged_2, ... for further components) and result.json: all files or none.
 
-    merged: the merged maps by the frames of their components. Returns the files' paths. Raises Refused when there
-    is nothing to write, and MapmeldError when it cannot be written.
+    merged: the merged maps by the frames of their components. Returns the files' paths. Raises Refused when
+    there is nothing to write, and MapmeldError when it cannot be written.
     """
     if not folder.strip():
         raise Refused("folder: is empty; name a folder on the node's machine")
@@ -42,7 +41,8 @@ def save(
 def result_content(known: Known, files: Mapping[str, str], robots: tuple[Robot, ...]) -> dict[str, Any]:
     """The keys of result.json: the evidence as the merge itself says it, places as they are held.
 
-    files: the map file of a component's frame. `frame` and `topic` are added to what docs/result.md describes.
+    files: the map file of a component's frame. `frame` and `topic` are added to what docs/result.md
+        describes.
     """
     estimate = known.estimate
     assert estimate.result is not None

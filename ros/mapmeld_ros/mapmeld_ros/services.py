@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from mapmeld.errors import MapmeldError
 from mapmeld_msgs.srv import PinRobot, SaveMaps, UnpinRobot
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from mapmeld.errors import MapmeldError
 from mapmeld_ros.discovery import robot_name
 from mapmeld_ros.saving import save
 from mapmeld_ros.session import MergeSession, Refused
@@ -39,7 +39,10 @@ class Services:
             response.files = save(
                 request.folder, request.force, session.known, session.merged.by_frame(), session.robots.all()
             )
-            response.success, response.message = True, f"wrote {len(response.files)} files to {request.folder}"
+            response.success, response.message = (
+                True,
+                f"wrote {len(response.files)} files to {request.folder}",
+            )
         except (Refused, MapmeldError) as error:
             response.message = str(error)
         return response

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+
 from mapmeld import Estimate, Estimator, OccupancyGrid, Prior, load_config
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
-from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-
 from mapmeld_ros.components import ComponentNames, Named
 from mapmeld_ros.known_poses import KnownPose, known_pose, legacy_pose
 from mapmeld_ros.merged_maps import MergedMaps
@@ -78,7 +78,8 @@ class MergeSession:
             self.estimator.remove(name)
 
     def place_known(self, name: str) -> KnownPose | None:
-        """Tells the estimator the robot's known pose, if it has one and no user pinned it. Raises BadKnownPose."""
+        """Tells the estimator the robot's known pose, if it has one and no user pinned it. Raises
+        BadKnownPose."""
         robot = self.robots.get(name)
         if robot is None or robot.grid is None or name in self._pinned_by_user:
             return None
@@ -113,7 +114,8 @@ class MergeSession:
         return pose
 
     def unpin(self, name: str) -> None:
-        """Lets the walls place a robot, and its known pose where that has standard deviations. Raises Refused."""
+        """Lets the walls place a robot, and its known pose where that has standard deviations. Raises
+        Refused."""
         self._robot_with_map(name)
         if name not in self._pinned:
             raise Refused(f"{name!r} is not pinned")

@@ -26,7 +26,8 @@ def diagnostics_message(
 ) -> DiagnosticArray:
     """The state of the node called `node` and of its robots.
 
-    msg: the newest estimate. problems: what else is wrong, robot to sentence. error: why the last estimate failed.
+    msg: the newest estimate. problems: what else is wrong, robot to sentence. error: why the last estimate
+        failed.
     now: of the clock that Robot.heard is told by.
     """
     result = DiagnosticArray()
@@ -46,9 +47,7 @@ def _whole(node: str, msg: MergeEstimate, robots: Sequence[Robot], error: str) -
         status.level, status.message = DiagnosticStatus.ERROR, f"the last estimate failed: {error}"
     elif not robots:
         status.level, status.message = DiagnosticStatus.WARN, "no robot's map topic found yet"
-    status.values = _values(
-        estimate_seconds=f"{msg.seconds:.3f}", registered_pairs=str(msg.registered_pairs)
-    )
+    status.values = _values(estimate_seconds=f"{msg.seconds:.3f}", registered_pairs=str(msg.registered_pairs))
     return status
 
 
@@ -65,7 +64,11 @@ def _of_robot(
     if problem:
         said.append(problem)
     status.message = "; ".join(said)
-    values = {"topic": robot.topic, "map_frame": robot.frame, "seconds_since_message": f"{now - robot.heard:.1f}"}
+    values = {
+        "topic": robot.topic,
+        "map_frame": robot.frame,
+        "seconds_since_message": f"{now - robot.heard:.1f}",
+    }
     if placed is not None:
         values |= {"probability": f"{placed.probability:.3f}", "reason": placed.reason}
         values |= {"component_frame": placed.component_frame, "placements": str(placed.placements)}

@@ -39,8 +39,8 @@ def link(robot: str, parent: str, map_frame: str, T_parent_map: Vector, has_own_
 def plan(links: Iterable[Link], topic: str, parents: Sequence[str]) -> Plan:
     """Sorts links onto the topic called `topic` ("tf" or "tf_static"), global or in the robots' namespaces.
 
-    parents: the frames of all components, which can be no robot's map frame. A frame that two robots of one topic
-    claim goes to the first.
+    parents: the frames of all components, which can be no robot's map frame. A frame that two robots of one
+    topic claim goes to the first.
     """
     topics: dict[str, list[Link]] = {}
     problems: dict[str, str] = {}
@@ -56,8 +56,8 @@ def plan(links: Iterable[Link], topic: str, parents: Sequence[str]) -> Plan:
             )
         elif one.map_frame in taken:
             problems[one.robot] = (
-                f"its map frame {one.map_frame!r} is also that of {taken[one.map_frame]!r}; prefix the frames, or let "
-                "each robot have its own /<robot>/tf"
+                f"its map frame {one.map_frame!r} is also that of {taken[one.map_frame]!r}; "
+                "prefix the frames, or let each robot have its own /<robot>/tf"
             )
         else:
             topics.setdefault(name, []).append(one)

@@ -17,14 +17,15 @@ from typing import Any
 import numpy as np
 import rclpy
 import yaml
-from mapmeld import OccupancyGrid
 from mapmeld_msgs.msg import MergeEstimate
-from mapmeld_ros.qos import LATCHED
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
+
+from mapmeld import OccupancyGrid
+from mapmeld_ros.qos import LATCHED
 
 HERE = Path(__file__).parent
 # Nothing here takes so long on a machine that does nothing else.
@@ -96,7 +97,8 @@ class Fleet(Process):
 
 
 class Graph:
-    """What a test needs to talk to the node. Everything is collected: maps by topic, estimates, transforms."""
+    """What a test needs to talk to the node. Everything is collected: maps by topic, estimates,
+    transforms."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -160,7 +162,9 @@ class Graph:
 
         return self.wait(f"the estimate {statuses}", says)
 
-    def wait_map(self, topic: str = "/map", accept: Callable[[OccupancyGridMsg], Any] = lambda _: True) -> OccupancyGridMsg:
+    def wait_map(
+        self, topic: str = "/map", accept: Callable[[OccupancyGridMsg], Any] = lambda _: True
+    ) -> OccupancyGridMsg:
         """Waits until the topic's newest map is accepted; that map."""
         got = self.maps[topic]
         return self.wait(f"a map on {topic}", lambda: got[-1] if got and accept(got[-1]) else None)
@@ -173,16 +177,26 @@ class Graph:
                 assert t.child_frame_id not in found, f"{t.child_frame_id} has two parents"
                 r, v = t.transform.rotation, t.transform.translation
                 yaw = 2 * float(np.arctan2(r.z, r.w))
-                found[t.child_frame_id] = (t.header.frame_id, (v.x, v.y, float(np.arctan2(np.sin(yaw), np.cos(yaw)))))
+                found[t.child_frame_id] = (
+                    t.header.frame_id,
+                    (v.x, v.y, float(np.arctan2(np.sin(yaw), np.cos(yaw)))),
+                )
         return found
 
     def call(self, kind: type, name: str, **fields: Any) -> Any:
         """A service's answer."""
         client = self.ros.create_client(kind, name)
         self.wait(f"the service {name}", client.service_is_ready)
-        future = client.call_async(kind.Request(**fields))
-        self.wait(f"the answer of {name}", future.done)
+        # DDS may find the service's two topics one after the other: an answer that comes between is lost.
+        for _ in range(4):
+            future = client.call_async(kind.Request(**fields))
+            end = time.monotonic() + 10.0
+            while not future.done() and time.monotonic() < end:
+                self.executor.spin_once(timeout_sec=0.05)
+            if future.done():
+                break
         self.ros.destroy_client(client)
+        assert future.done(), f"{name} does not answer: {[p.said() for p in self.processes]}"
         return future.result()
 
     # Acting
@@ -192,7 +206,9 @@ class Graph:
         values = {"estimation_rate": 50.0, "discovery_rate": 2.0, "merging_rate": 20.0, **parameters}
         file = self.folder / f"params_{next(self._count)}.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
-        return self._start(Process, ["-m", "mapmeld_ros.map_merge", "--ros-args", "--params-file", str(file)], name)
+        return self._start(
+            Process, ["-m", "mapmeld_ros.map_merge", "--ros-args", "--params-file", str(file)], name
+        )
 
     def fleet(self, name: str = "fleet") -> Fleet:
         """Starts a process that publishes."""
@@ -205,7 +221,8 @@ class Graph:
         return str(file)
 
     def publish(self, fleet: Fleet, grid: OccupancyGrid, **options: Any) -> None:
-        """Has a fleet publish a robot's map: on /<name>/map in the frame <name>/map, unless told otherwise."""
+        """Has a fleet publish a robot's map: on /<name>/map in the frame <name>/map, unless told
+        otherwise."""
         topic = options.pop("topic", f"/{grid.name}/map")
         frame = options.pop("frame", f"{grid.name}/map")
         fleet.do(do="map", topic=topic, frame=frame, file=self.save(grid), **options)

@@ -1,8 +1,8 @@
 """Publishes what robots publish, as the lines on stdin say: a JSON object each, answered by "done".
 
 {"do": "map", "topic", "frame", "file": npz with data, resolution, origin}, and optionally "durability" and
-"reliability" (of the first map on a topic), "set": {"info.resolution": NaN, ...}, fields that are set after all others,
-"cells": how many cells of the data are sent.
+"reliability" (of the first map on a topic), "set": {"info.resolution": NaN, ...}, fields that are set after
+all others, "cells": how many cells of the data are sent.
 {"do": "update", "topic", "frame", "x", "y", "file"}
 {"do": "tf", "topic", "parent", "child"}
 {"do": "silence", "topic"}: ends the publisher of a topic.
@@ -20,11 +20,12 @@ import numpy as np
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from map_msgs.msg import OccupancyGridUpdate
-from mapmeld import OccupancyGrid
-from mapmeld_ros.conversions import grid_to_message
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
+
+from mapmeld import OccupancyGrid
+from mapmeld_ros.conversions import grid_to_message
 
 
 class Robots:
@@ -46,7 +47,9 @@ class Robots:
     def do(self, command: dict[str, Any]) -> None:
         topic = command["topic"]
         if command["do"] == "map":
-            msg = grid_to_message(load(command["file"]), command["frame"], self.node.get_clock().now().to_msg())
+            msg = grid_to_message(
+                load(command["file"]), command["frame"], self.node.get_clock().now().to_msg()
+            )
             if "cells" in command:
                 msg.data = msg.data[: command["cells"]]
             for path, value in command.get("set", {}).items():

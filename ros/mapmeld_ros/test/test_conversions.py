@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rooms
 from builtin_interfaces.msg import Time
 from map_msgs.msg import OccupancyGridUpdate
+from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
+
+import rooms
 from mapmeld import OccupancyGrid
 from mapmeld_ros.checks import BadMessage
 from mapmeld_ros.conversions import (
@@ -20,7 +22,6 @@ from mapmeld_ros.conversions import (
     pose_with_covariance,
     transform_message,
 )
-from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 
 STAMP = Time(sec=12, nanosec=34)
 
@@ -69,10 +70,18 @@ NAN = math.nan
         ({"info.origin.position.x": NAN}, "info.origin.position.x", "nan"),
         ({"info.origin.position.y": math.inf}, "info.origin.position.y", "inf"),
         ({"info.origin.orientation.w": NAN}, "info.origin.orientation", "finite"),
-        ({"info.origin.orientation.w": 0.0, "info.origin.orientation.z": 0.0}, "info.origin.orientation", "norm"),
+        (
+            {"info.origin.orientation.w": 0.0, "info.origin.orientation.z": 0.0},
+            "info.origin.orientation",
+            "norm",
+        ),
         ({"info.origin.orientation.w": 2.0}, "info.origin.orientation", "norm"),
         (
-            {"info.origin.orientation.w": 0.8, "info.origin.orientation.x": 0.6, "info.origin.orientation.z": 0.0},
+            {
+                "info.origin.orientation.w": 0.8,
+                "info.origin.orientation.x": 0.6,
+                "info.origin.orientation.z": 0.0,
+            },
             "info.origin.orientation",
             "tilts",
         ),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
 from mapmeld_ros.discovery import MAP_TYPE, TF_TYPE, find_robots, in_namespace, with_own_tf
 from mapmeld_ros.qos import requests
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 TOPICS = [
     ("/map", [MAP_TYPE]),
@@ -35,7 +36,12 @@ def test_a_map_without_a_namespace_is_the_robot_slash() -> None:
 
 @pytest.mark.parametrize(
     ("namespace", "robots"),
-    [("robot", ["fleet/robot3", "robot1", "robot2"]), ("fleet", ["fleet/robot3"]), ("robot1", ["robot1"]), ("x", [])],
+    [
+        ("robot", ["fleet/robot3", "robot1", "robot2"]),
+        ("fleet", ["fleet/robot3"]),
+        ("robot1", ["robot1"]),
+        ("x", []),
+    ],
 )
 def test_robot_namespace_is_a_part_of_the_topic(namespace: str, robots: list[str]) -> None:
     assert list(find_robots(TOPICS, "map", namespace, {"/map"})) == robots
@@ -48,7 +54,12 @@ def test_the_map_topic_has_its_own_name_and_own_topics_are_left_out() -> None:
 
 
 def test_a_robot_has_its_own_tree_when_its_namespace_has_a_tf_topic() -> None:
-    topics = [("/tf", [TF_TYPE]), ("/robot1/tf", [TF_TYPE]), ("/robot2/tf_static", [TF_TYPE]), ("/robot3/tf", ["x/msg/Y"])]
+    topics = [
+        ("/tf", [TF_TYPE]),
+        ("/robot1/tf", [TF_TYPE]),
+        ("/robot2/tf_static", [TF_TYPE]),
+        ("/robot3/tf", ["x/msg/Y"]),
+    ]
     assert with_own_tf(topics, ["/", "robot1", "robot2", "robot3", "robot4"]) == {"robot1", "robot2"}
 
 
@@ -58,7 +69,9 @@ LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 
 def matches(request: tuple, offer: tuple) -> bool:
     """The rule of DDS: what is asked is no more than what is offered."""
-    return (request[0] == BEST_EFFORT or offer[0] == RELIABLE) and (request[1] == VOLATILE or offer[1] == LATCHED)
+    return (request[0] == BEST_EFFORT or offer[0] == RELIABLE) and (
+        request[1] == VOLATILE or offer[1] == LATCHED
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])

@@ -1,4 +1,5 @@
-"""The thread that estimates: it keeps to its rate, gives up what is overtaken, and never stops for an error."""
+"""The thread that estimates: it keeps to its rate, gives up what is overtaken, and never stops for an
+error."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 import rooms
 from mapmeld import Estimate, Estimator, OccupancyGrid
 from mapmeld.errors import MapmeldError
@@ -36,7 +38,9 @@ class Heard:
 
 
 @contextmanager
-def working(estimator: Any, rate: float = 100.0, timeout: float = 10.0) -> Iterator[tuple[EstimationWorker, Heard]]:
+def working(
+    estimator: Any, rate: float = 100.0, timeout: float = 10.0
+) -> Iterator[tuple[EstimationWorker, Heard]]:
     heard = Heard()
     worker = EstimationWorker(estimator, lambda: rate, lambda: timeout, heard.estimate, heard.errors.append)
     worker.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from mapmeld import OccupancyGrid
 from mapmeld_ros.extent import grown
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 
 import numpy as np
+
 import rooms
 from graph import Fleet, Graph
 

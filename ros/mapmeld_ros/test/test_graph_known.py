@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
-import rooms
-from graph import Graph
-from mapmeld import se2
 from mapmeld_msgs.srv import PinRobot, UnpinRobot
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+
+import rooms
+from graph import Graph
+from mapmeld import se2
 
 
 def init_pose(robot: str, x: float, y: float, yaw: float, **sigma: float) -> dict[str, float]:
@@ -19,7 +20,9 @@ def init_pose(robot: str, x: float, y: float, yaw: float, **sigma: float) -> dic
     return {f"/{robot}/map_merge/init_pose_{key}": float(value) for key, value in values.items()}
 
 
-def assert_at(graph: Graph, robot: str, pose: tuple[float, float, float], metres: float, radians: float) -> None:
+def assert_at(
+    graph: Graph, robot: str, pose: tuple[float, float, float], metres: float, radians: float
+) -> None:
     parent, found = graph.tree()[f"{robot}/map"]
     assert parent == "world"
     assert math.hypot(found[0] - pose[0], found[1] - pose[1]) < metres, (found, pose)
@@ -27,7 +30,8 @@ def assert_at(graph: Graph, robot: str, pose: tuple[float, float, float], metres
 
 
 def test_known_poses_are_metres_and_radians_with_their_yaw(graph: Graph) -> None:
-    """The documentation of multirobot_map_merge: the map frame in the world frame. Both maps lie where it says."""
+    """The documentation of multirobot_map_merge: the map frame in the world frame. Both maps lie where it
+    says."""
     fleet = graph.fleet()
     graph.node(**init_pose("left", 3.0, -1.0, 0.5), **init_pose("hall", -20.0, 4.0, -2.0))
     for grid in (rooms.building()[0], rooms.hall()):

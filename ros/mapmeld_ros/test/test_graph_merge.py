@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 import rooms
 from graph import Graph
 from mapmeld import se2
@@ -68,8 +69,9 @@ def test_latecomers_get_the_newest_map(graph: Graph) -> None:
     graph.spin(0.3)
     newest = graph.maps["/map"][-1]
     late = []
-    from mapmeld_ros.qos import LATCHED
     from nav_msgs.msg import OccupancyGrid
+
+    from mapmeld_ros.qos import LATCHED
 
     graph.ros.create_subscription(OccupancyGrid, "/map", late.append, LATCHED)
     graph.wait("the map again", lambda: late)

@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from mapmeld import OccupancyGrid, se2
 from mapmeld_ros.known_poses import BadKnownPose, KnownPose, known_pose, legacy_pose
 
 
-def found(values: dict[str, Any], robot: str = "robot1", sigmas: tuple[float, float] = (0.0, 0.0)) -> KnownPose | None:
+def found(
+    values: dict[str, Any], robot: str = "robot1", sigmas: tuple[float, float] = (0.0, 0.0)
+) -> KnownPose | None:
     prefix = "/map_merge" if robot == "/" else f"/{robot}/map_merge"
     given = {f"{prefix}/init_pose_{key}": value for key, value in values.items()}
     return known_pose(robot, given.get, *sigmas)
@@ -52,6 +55,8 @@ def test_the_legacy_pose_is_in_cells_inverted_and_about_the_corner() -> None:
     # The corner of the grid goes to the world by the inverse of (4 cells, 0, 90 degrees).
     T = legacy_pose((4.0, 0.0, math.pi / 2), grid)
     corner = se2.apply(T, np.array([[-10.0, 3.0]]))
-    np.testing.assert_allclose(corner, se2.apply(se2.inverse((2.0, 0.0, math.pi / 2)), np.zeros((1, 2))), atol=1e-12)
+    np.testing.assert_allclose(
+        corner, se2.apply(se2.inverse((2.0, 0.0, math.pi / 2)), np.zeros((1, 2))), atol=1e-12
+    )
     np.testing.assert_allclose(corner, [[0.0, 2.0]], atol=1e-12)
     assert math.isclose(T[2], -math.pi / 2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+
 from mapmeld import MapmeldError
 from mapmeld.config import default_config
 from mapmeld_ros.parameters import Parameters, descriptor, problem
@@ -50,7 +51,9 @@ def test_values_that_make_no_sense_are_named(name: str, value: str) -> None:
     assert problem(name, value).startswith(f"{name}: ")
 
 
-@pytest.mark.parametrize(("confidence", "probability"), [(0.0, 0.0), (2.0, 0.96), (3.0, 0.992), (0.5, 0.5528)])
+@pytest.mark.parametrize(
+    ("confidence", "probability"), [(0.0, 0.0), (2.0, 0.96), (3.0, 0.992), (0.5, 0.5528)]
+)
 def test_confidence_shrinks_the_doubt_fivefold(confidence: float, probability: float) -> None:
     options = merge_options(Parameters(estimation_confidence=confidence))
     assert options["evidence"]["min_probability"] == pytest.approx(probability, abs=1e-4)
@@ -71,5 +74,5 @@ def test_a_config_file_comes_first_and_confidence_on_top(tmp_path) -> None:
 
 
 def test_a_config_file_that_is_not_there_is_an_error() -> None:
-    with pytest.raises(MapmeldError, match="nowhere.yaml"):
+    with pytest.raises(MapmeldError, match=r"nowhere\.yaml"):
         merge_options(Parameters(config_file="nowhere.yaml"))

@@ -27,8 +27,9 @@ $(ROS_VENV)/.ready: $(VENV)/.built $(ROS_VENV)/.interfaces
 	printf '%s\n' "$(CURDIR)/python" "$(CURDIR)/ros/mapmeld_ros" > $(ROS_VENV)/lib/python3.11/site-packages/mapmeld.pth
 	@touch $@
 
+# Three at a time: these tests mostly wait for processes, and each has a ROS domain of its own.
 ros-test: $(ROS_VENV)/.ready
-	$(ROS_PY) -m pytest -c ros/mapmeld_ros/pytest.ini ros/mapmeld_ros/test
+	$(ROS_PY) -m pytest -c ros/mapmeld_ros/pytest.ini -n 3 ros/mapmeld_ros/test
 
 ros-bench: $(ROS_VENV)/.ready
 	$(ROS_PY) ros/mapmeld_ros/benchmark/latency.py

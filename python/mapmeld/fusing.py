@@ -23,10 +23,10 @@ def fuse(
 ) -> OccupancyGrid:
     """One map of maps at known poses (map, T_frame_map), in metres and radians.
 
-    The first map draws a wall that several show within a cell of each other. The fused map has yaw 0, the finest
-    resolution (or the option fuse.resolution) and its origin on whole multiples of it. config: as in merge.
-
-    Raises MapmeldError when there is no map or no known cell, and for a pose that is not three finite numbers.
+    The first map draws a wall that several show within a cell of each other. The fused map has yaw 0, the
+    finest resolution (or the option fuse.resolution) and its origin on whole multiples of it. config: as in
+    merge. Raises MapmeldError when there is no map or no known cell, and for a pose that is not three finite
+    numbers.
     """
     if not placed:
         raise MapmeldError("fuse: there are no maps; give at least one")

@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 # How often the node looks after the robots that it knows: their publishers' quality of service, their
 # silence.
 _TICK_SECONDS = 0.5
-# Right after the start the graph is still being found, so robots are looked for at every tick for so long.
+# Right after the start the graph is still being found: for so long, robots are looked for at every tick, and
+# the ticks are shorter.
 _EAGER_SECONDS = 10.0
+_EAGER_TICK_SECONDS = 0.1
 _TF_SECONDS = 0.1
 _DIAGNOSTICS_SECONDS = 1.0
 
@@ -61,7 +63,7 @@ class Active:
             lambda: node.parameters.merging_rate, self._publish_maps, self._merge_failed
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timers = [node.create_timer(_TICK_SECONDS, self._tick, clock=steady)]
+        self._timers = [node.create_timer(_EAGER_TICK_SECONDS, self._tick, clock=steady)]
         if node.parameters.publish_tf == "dynamic":
             self._timers.append(
                 node.create_timer(_TF_SECONDS, lambda: publishing.again(self._stamp()), clock=steady)
@@ -100,6 +102,8 @@ class Active:
     def _tick(self) -> None:
         now = time.monotonic()
         eager = now - self._started < _EAGER_SECONDS
+        if not eager:
+            self._timers[0].timer_period_ns = int(1e9 * _TICK_SECONDS)
         if eager or now - self._discovered >= 1.0 / self._node.parameters.discovery_rate:
             self._discovered = now
             self._discover(now)

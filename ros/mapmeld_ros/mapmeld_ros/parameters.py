@@ -46,7 +46,7 @@ class Parameters:
     )
     estimation_confidence: float = _parameter(
         1.0,
-        "How sure a merge must be: 1 is a probability of 0.8; the doubt left shrinks fivefold with every 1 more.",
+        "How sure a merge must be: 1 is a probability of 0.8, and every 1 more leaves a fifth of the doubt.",
         between=(0.0, 10.0),
     )
     robot_map_topic: str = _parameter("map", "Name of the robots' map topics below their namespaces.")
@@ -92,7 +92,7 @@ class Parameters:
     )
     tf_namespaces: str = _parameter(
         "auto",
-        "Whether a robot's transform goes to /<robot>/tf(_static): auto (if the robot has one), always, never.",
+        "Whether a robot's transform goes to /<robot>/tf(_static): auto (if it has one), always, never.",
         one_of=TF_NAMESPACES,
     )
     config_file: str = _parameter("", "YAML file with options of the merge itself; empty: the defaults.")

@@ -1,12 +1,13 @@
-"""Maps that grow: the known cells of finished maps, revealed step by step as a robot would come to see them."""
+"""Maps that grow: the known cells of finished maps, revealed as a robot would come to see them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from mapmeld.grid import UNKNOWN, OccupancyGrid
 from numpy.typing import NDArray
+
+from mapmeld.grid import UNKNOWN, OccupancyGrid
 
 # Occupancy, percent, up to which a cell is free.
 FREE_AT_MOST = 25
@@ -15,8 +16,8 @@ FREE_AT_MOST = 25
 class Growth:
     """One map's known cells in the order of their distance, through free space, from a place in it.
 
-    The place is drawn by `seed` among the free cells. Walls are known once a free cell beside them is. Known cells
-    that no way leads to come last.
+    The place is drawn by `seed` among the free cells. Walls are known once a free cell beside them is. Known
+    cells that no way leads to come last.
     """
 
     def __init__(self, grid: OccupancyGrid, seed: int) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from mapmeld import _core, holding, linking, robots
+from mapmeld.admission import admitted
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
@@ -26,14 +27,20 @@ from mapmeld.result import MergeResult
 
 @dataclass
 class _Known:
-    """What an estimator was told: maps in the order in which their robots came, priors and pins."""
+    """What an estimator was told: maps in the order in which their robots came, priors and pins.
+
+    gone: robots that were removed since the last estimate began; one of that name that came later is another.
+    """
 
     grids: dict[str, OccupancyGrid] = field(default_factory=dict)
     priors: dict[str, Prior] = field(default_factory=dict)
     pins: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    gone: set[str] = field(default_factory=set)
 
-    def copy(self) -> _Known:
-        return _Known(dict(self.grids), dict(self.priors), dict(self.pins))
+    def taken(self) -> _Known:
+        """A copy, after which nobody is gone."""
+        gone, self.gone = self.gone, set()
+        return _Known(dict(self.grids), dict(self.priors), dict(self.pins), gone)
 
 
 class Estimator:
@@ -88,6 +95,7 @@ class Estimator:
             if name not in self._known.grids:
                 raise MapmeldError(one_line(f"remove: no robot is called {name!r}"))
             del self._known.grids[name]
+            self._known.gone.add(name)
             self._known.priors.pop(name, None)
             self._known.pins.pop(name, None)
 
@@ -120,23 +128,27 @@ class Estimator:
                 raise MapmeldError(one_line(f"unpin: {name!r} is not pinned"))
             del self._known.pins[name]
 
-    def estimate(self, progress: Progress | None = None) -> Estimate:
+    def estimate(self, progress: Progress | None = None, maps_are_done: bool = False) -> Estimate:
         """Where all robots are, told from what is known when this begins.
 
         progress: called between pieces of work, on the calling thread; what it raises ends the estimate. The
         pairs that were registered until then are kept, and what is held stays as it was. An estimate waits
         for one that runs in another thread.
+
+        maps_are_done: no map will grow for now. New links need no more than a merge asks for then; while
+        maps grow they must be clearer, see Hold.
         """
         with self._turn:
             started = time.perf_counter()
             with self._changing:
-                known = self._known.copy()
+                known = self._known.taken()
+            self._forget(known.gone)
             self._tell_session(known.grids)
             if not known.grids:
                 self._held, self._by_prior, self._placements, self._drawn = [], set(), {}, {}
                 return Estimate((), (), None, 0, time.perf_counter() - started)
             result, registered = self._merge(known, progress, started)
-            held, against = self._follow(result, known, progress)
+            held, against, unclear = self._follow(result, known, progress, maps_are_done)
             self._count(held)
             self._held = held
             self._by_prior = {m.name for m in result.maps if m.status == "prior"}
@@ -144,15 +156,22 @@ class Estimator:
             self._drawn = {h.frame: self._drawn[h.frame] for h in held}
             centres = {n: c.centre for n, c in self._cells.items()}
             of_robot = tuple(
-                robots.tell(m, held, against, known.pins, result, centres, self._placements.get(m.name, 0))
+                robots.tell(
+                    m, held, against, unclear, known.pins, result, centres, self._placements.get(m.name, 0)
+                )
                 for m in sorted(result.maps, key=lambda m: m.name)
             )
             return Estimate(of_robot, components, result, registered, time.perf_counter() - started)
 
-    def _tell_session(self, grids: Mapping[str, OccupancyGrid]) -> None:
-        for name in self._told.keys() - grids.keys():
+    def _forget(self, gone: Set[str]) -> None:
+        for name in gone & self._told.keys():
             self._session.remove(name)
             del self._told[name], self._cells[name]
+        self._placements = {n: k for n, k in self._placements.items() if n not in gone}
+        left = [(h, {n: T for n, T in h.poses.items() if n not in gone}) for h in self._held]
+        self._held = [Held(h.frame, h.anchor, h.is_world, poses) for h, poses in left if poses]
+
+    def _tell_session(self, grids: Mapping[str, OccupancyGrid]) -> None:
         for name, grid in grids.items():
             if self._told.get(name) is not grid:
                 self._session.update(name, grid.data, grid.resolution, grid.origin)
@@ -162,7 +181,7 @@ class Estimator:
     def _merge(self, known: _Known, progress: Progress | None, started: float) -> tuple[MergeResult, int]:
         """The merge of the maps as they are, its components in the frames of those that are held."""
         first = sorted(self._held, key=lambda h: (not h.is_world, -len(h.poses)))
-        anchors = [h.anchor for h in first if h.anchor in known.grids]
+        anchors = [h.anchor for h in first if h.anchor in h.poses]
         references = [*anchors, *(n for n in known.grids if n not in anchors)]
         found = self._session.merge(references, _priors(known), progress)
         seconds = {**found["seconds"], "merge": time.perf_counter() - started}
@@ -170,9 +189,10 @@ class Estimator:
         return result, found["registered_pairs"]
 
     def _follow(
-        self, result: MergeResult, known: _Known, progress: Progress | None
-    ) -> tuple[list[Held], dict[str, float]]:
-        """What is held from now on, and the robots that it holds where the merge does not."""
+        self, result: MergeResult, known: _Known, progress: Progress | None, maps_are_done: bool
+    ) -> tuple[list[Held], dict[str, float], dict[str, float]]:
+        """What is held from now on; the robots that it holds where the merge does not, and those that it does
+        not place where the merge does, each with the probability of that place."""
         priors = _priors(known)
         centres = {n: c.centre for n, c in self._cells.items()}
 
@@ -180,16 +200,20 @@ class Estimator:
             question = (_listed(base), _listed(moved), [p.tolist() for p in places])
             return self._session.weigh([question], priors, progress)[0]
 
-        groups = _groups(result, bool(priors))
+        groups = _groups(result)
         free = self._by_prior | known.pins.keys()
         units = holding.units(self._held, groups, free, centres, self._hold, ask)
         against = {n: p for u in units for n, p in u.against.items()}
+        sure = self._by_prior | {name for name, *_ in priors}
+        enough = self._config["evidence"]["min_probability"]
+        least = enough if maps_are_done else max(enough, self._hold.join)
+        groups, unclear = admitted(groups, units, sure, centres, self._hold, least, ask)
         joined = linking.joined(groups, units, centres, self._hold)
         world_is_given = bool(known.priors or known.pins)
         followed = self._frames.follow(joined, self._held, list(known.grids), world_is_given)
         covariances = {m.name: m.covariance for m in result.maps if m.covariance is not None}
         held = steady(followed, self._held, self._cells, covariances, known.pins, self._hold.refine_cells)
-        return sorted(held, key=lambda h: (-len(h.poses), not h.is_world, min(h.poses))), against
+        return sorted(held, key=lambda h: (-len(h.poses), not h.is_world, min(h.poses))), against, unclear
 
     def _count(self, held: Sequence[Held]) -> None:
         """Counts who is put somewhere else by more than noise."""
@@ -247,10 +271,9 @@ def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
     return [(n, T.tolist()) for n, T in poses.items()]
 
 
-def _groups(result: MergeResult, has_priors: bool) -> list[Group]:
-    """The components of a merge, without blank maps."""
-    groups: dict[int, dict[str, Any]] = {}
-    for m in result.maps:
-        if m.T_component_map is not None:
-            groups.setdefault(m.component, {})[m.name] = m.T_component_map
-    return [Group(poses, has_priors and result.components[k].in_world) for k, poses in sorted(groups.items())]
+def _groups(result: MergeResult) -> list[Group]:
+    """The components of a merge in the order in which they were merged, without blank maps."""
+    poses = {m.name: m.T_component_map for m in result.maps if m.T_component_map is not None}
+    return [
+        Group({n: poses[n] for n in c.order}, c.in_world) for c in result.components if c.merged is not None
+    ]

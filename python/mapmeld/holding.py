@@ -26,8 +26,10 @@ first that is the same place, by index; and the probability of the best other pl
 class Hold:
     """How firmly an estimate holds on to what the one before said.
 
+    join: how probable a new link must be while maps grow. One that is merely probable enough for a merge
+        (evidence.min_probability) comes up by chance when it is looked for after every update.
     keep: how probable a held place must be, against none of the places that fit being right, to stay. A
-        merge is made from evidence.min_probability on: that this is lower keeps growing maps from flickering.
+        merge needs more: that this is lower keeps growing maps from flickering.
     replace: the share, of its own probability and that of the held place, from which another place takes
         over.
     noise_m, noise_rad: poses that differ by more, at the middle of the map's known cells, are different
@@ -38,6 +40,7 @@ class Hold:
     Raises MapmeldError for a value out of range.
     """
 
+    join: float = 0.98
     keep: float = 0.5
     replace: float = 0.95
     noise_m: float = 0.2
@@ -46,6 +49,7 @@ class Hold:
 
     def __post_init__(self) -> None:
         for key, low, high in (
+            ("join", 0.0, 1.0),
             ("keep", 0.0, 1.0),
             ("replace", 0.5, 1.0),
             ("noise_m", 0.0, np.inf),

@@ -21,6 +21,7 @@ def tell(
     placed: PlacedMap,
     held: Sequence[Held],
     against: Mapping[str, float],
+    unclear: Mapping[str, float],
     pinned: Collection[str],
     result: MergeResult,
     centres: Mapping[str, Sequence[float]],
@@ -29,6 +30,7 @@ def tell(
     """One robot, as the merge placed it and as it is held.
 
     against: robots that are held where the merge would not have them, and how probable they are there.
+    unclear: robots that are not placed yet where the merge has them, likewise.
     """
     name = placed.name
     k = next((k for k, h in enumerate(held) if name in h.poses), None)
@@ -44,6 +46,9 @@ def tell(
         reason = f"held where it was, with probability {probability:.2f}; {_merge_says(placed)}"
     elif status == "prior":
         reason = "placed by its prior alone" + _contradiction(name, component, result, centres)
+    elif status == "merged" and len(component.poses) == 1:
+        status, probability = "ambiguous", unclear.get(name, probability)
+        reason = f"its place among others is not clear yet, with probability {probability:.2f}; {reason}"
     elif len(component.poses) > 1 and status in ("ambiguous", "no evidence"):
         # Others that are held to each other have it among them.
         status = "merged"

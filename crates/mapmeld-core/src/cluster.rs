@@ -172,7 +172,8 @@ impl Cluster {
                     .iter()
                     .flat_map(|a| inner.iter().map(|b| a.with(b, t, *certainty)))
                     .collect();
-                of_world.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+                // The first holds all members, a more probable one may lack some: it stays first.
+                of_world[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
                 of_world.truncate(MAX_WORLDS);
             }
             joined.extend(of_world);

@@ -34,6 +34,8 @@ _TICK_SECONDS = 0.5
 # the ticks are shorter.
 _EAGER_SECONDS = 10.0
 _EAGER_TICK_SECONDS = 0.1
+# How long after the first map the first estimate waits for those of other robots.
+_SETTLE_SECONDS = 0.4
 _TF_SECONDS = 0.1
 _DIAGNOSTICS_SECONDS = 1.0
 
@@ -49,6 +51,7 @@ class Active:
         self._own_tf: set[str] = set()
         self._problems: dict[str, str] = {}
         self._error = ""
+        self._settles: float | None = None
         self._started = time.monotonic()
         self._discovered = float("-inf")
         self._diagnosed = float("-inf")
@@ -74,8 +77,10 @@ class Active:
         for robot in session.robots.all():
             self._listen(robot.name, robot.topic)
         self._publish_estimate()
-        if session.grids():
+        if session.is_settled:
             self._estimation.request(now=True)
+        elif session.grids():
+            self._settles = time.monotonic()
         self._tick()
 
     def stop(self) -> None:
@@ -107,6 +112,8 @@ class Active:
         if eager or now - self._discovered >= 1.0 / self._node.parameters.discovery_rate:
             self._discovered = now
             self._discover(now)
+        if self._settles is not None and now >= self._settles:
+            self._settle()
         publishers = {name: listener.follow() for name, listener in self._listeners.items()}
         for robot in self._session.robots.silent(now, self._node.parameters.robot_timeout):
             if not publishers.get(robot.name):
@@ -117,6 +124,14 @@ class Active:
         if now - self._diagnosed >= _DIAGNOSTICS_SECONDS:
             self._diagnosed = now
             self._publish_diagnostics(now)
+
+    def _settle(self) -> None:
+        self._settles = None
+        try:
+            self._session.settle()
+        except BadKnownPose as error:
+            self._log.error(f"{error}; the walls place these robots")
+        self._estimation.request(now=True)
 
     def _discover(self, now: float) -> None:
         p = self._node.parameters
@@ -192,8 +207,11 @@ class Active:
             self._log.error(f"robot {name!r}: {error}; its map is placed by its walls")
             has_changed = True
         if has_changed:
-            self._estimation.request()
-            self._merging.request()
+            if self._session.is_settled:
+                self._estimation.request()
+                self._merging.request()
+            elif self._settles is None:
+                self._settles = time.monotonic() + _SETTLE_SECONDS
 
     def _take_estimate(self, estimate: Estimate) -> None:
         self._error = ""

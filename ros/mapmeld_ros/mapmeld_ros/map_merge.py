@@ -7,8 +7,11 @@ import sys
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from mapmeld_ros.node import MapMerge
+
+RCLError = rclpy_implementation.RCLError
 
 
 def main(args: list[str] | None = None) -> int:
@@ -26,6 +29,10 @@ def main(args: list[str] | None = None) -> int:
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RCLError:
+        # The signal came while the executor was about to wait.
+        if rclpy.ok():
+            raise
     finally:
         executor.shutdown()
         node.destroy_node()

@@ -13,7 +13,7 @@ from mapmeld import Estimate, Estimator, OccupancyGrid, Prior, load_config
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
 from mapmeld_ros.components import ComponentNames, Named
-from mapmeld_ros.known_poses import KnownPose, known_pose, legacy_pose
+from mapmeld_ros.known_poses import BadKnownPose, KnownPose, known_pose, legacy_pose
 from mapmeld_ros.merged_maps import MergedMaps
 from mapmeld_ros.parameters import Parameters
 from mapmeld_ros.robots import Robots
@@ -49,7 +49,13 @@ class MergeSession:
         # Robots that are pinned, by users or because their known poses are exact.
         self._pinned: set[str] = set()
         self._pinned_by_user: set[str] = set()
+        self._is_settled = False
         self._known = Known(Estimate((), (), None, 0, 0.0), ())
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the estimator has been told of the first maps."""
+        return self._is_settled
 
     @property
     def known(self) -> Known:
@@ -60,6 +66,23 @@ class MergeSession:
         """Makes an estimate the newest one."""
         self._known = Known(estimate, self._names.name(estimate))
         return self._known
+
+    def settle(self) -> None:
+        """Tells the estimator of the first maps, in the order of the robots' names.
+
+        Without known poses the world is the map frame of the robot that comes first: so it is the same robot's
+        after every start, whichever message was faster. Raises BadKnownPose after all have been told.
+        """
+        self._is_settled = True
+        problems = []
+        for name, grid in sorted(self.grids().items()):
+            self.estimator.update(grid)
+            try:
+                self.place_known(name)
+            except BadKnownPose as error:
+                problems.append(str(error))
+        if problems:
+            raise BadKnownPose("; ".join(problems))
 
     def take_map(self, name: str, msg: OccupancyGridMsg, now: float) -> bool:
         """Takes a whole map; False when the robot has left. Raises BadMessage and BadKnownPose."""
@@ -74,12 +97,14 @@ class MergeSession:
         robot = self.robots.leave(name)
         self._pinned_by_user.discard(name)
         self._pinned.discard(name)
-        if robot is not None and robot.grid is not None:
+        if robot is not None and robot.grid is not None and self._is_settled:
             self.estimator.remove(name)
 
     def place_known(self, name: str) -> KnownPose | None:
-        """Tells the estimator the robot's known pose, if it has one and no user pinned it. Raises
-        BadKnownPose."""
+        """Tells the estimator the robot's known pose, if it has one and no user pinned it.
+
+        Raises BadKnownPose.
+        """
         robot = self.robots.get(name)
         if robot is None or robot.grid is None or name in self._pinned_by_user:
             return None
@@ -135,6 +160,8 @@ class MergeSession:
         grid = take()
         if grid is None or before is None:
             return False
+        if not self._is_settled:
+            return True
         self.estimator.update(grid)
         is_first = before.grid is None
         has_moved = self._parameters.legacy_init_poses and not is_first and before.grid.origin != grid.origin

@@ -210,6 +210,10 @@ class Graph:
             Process, ["-m", "mapmeld_ros.map_merge", "--ros-args", "--params-file", str(file)], name
         )
 
+    def program(self, args: list[str], name: str = "program") -> Process:
+        """Starts a Python program."""
+        return self._start(Process, args, name)
+
     def fleet(self, name: str = "fleet") -> Fleet:
         """Starts a process that publishes."""
         return self._start(Fleet, [str(HERE / "robot.py")], name)

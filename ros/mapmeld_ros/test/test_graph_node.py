@@ -34,11 +34,7 @@ def change(graph: Graph, transition: int) -> bool:
 
 
 def test_a_node_without_a_file_has_the_defaults_of_multirobot_map_merge(graph: Graph) -> None:
-    graph._start(
-        type(graph.node("other")),
-        ["-m", "mapmeld_ros.map_merge", "--ros-args", "-r", "__ns:=/plain"],
-        "plain",
-    )
+    graph.program(["-m", "mapmeld_ros.map_merge", "--ros-args", "-r", "__ns:=/plain"])
     names = list(vars(Parameters()))
     answer = graph.call(GetParameters, "/plain/map_merge/get_parameters", names=names)
     found = {n: parameter_value_to_python(v) for n, v in zip(names, answer.values, strict=True)}

@@ -83,8 +83,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         f"{args.steps} steps; all robots grow at once, from places that the seed draws. "
         + ("One estimate after every update." if args.one_by_one else "One estimate a step."),
         "*worst* is the largest error of any told transform between two robots of one component, at any "
-        f"time; more than {WRONG_M:g} m or {WRONG_DEG:g} degrees is wrong. Of drifted maps the truth itself is "
-        "a fit.",
+        f"time; more than {WRONG_M:g} m or {WRONG_DEG:g} degrees is wrong. Drifted maps have no exact truth.",
         "*components* after the last step, while maps might still grow, and *when done*, told so.",
         "*placed* is the largest number of placements of a robot: into the frame of others, or elsewhere by "
         "more than 0.2 m or 0.04 rad. *moves*: all changes of told poses, refinements among them.",

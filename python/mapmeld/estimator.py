@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapmeld import _core, holding, linking, robots
 from mapmeld.admission import admitted
@@ -73,6 +74,7 @@ class Estimator:
         self._held: list[Held] = []
         self._by_prior: set[str] = set()
         self._placements: dict[str, int] = {}
+        self._covariances: dict[str, NDArray[np.float64]] = {}
         self._drawn: dict[int, tuple[Any, OccupancyGrid]] = {}
 
     def update(self, grid: OccupancyGrid) -> None:
@@ -155,9 +157,18 @@ class Estimator:
             components = tuple(self._component(h, known.grids) for h in held)
             self._drawn = {h.frame: self._drawn[h.frame] for h in held}
             centres = {n: c.centre for n, c in self._cells.items()}
+            self._covariances = _covariances(result, held, self._covariances)
             of_robot = tuple(
                 robots.tell(
-                    m, held, against, unclear, known.pins, result, centres, self._placements.get(m.name, 0)
+                    m,
+                    held,
+                    against,
+                    unclear,
+                    known.pins,
+                    result,
+                    centres,
+                    self._covariances.get(m.name),
+                    self._placements.get(m.name, 0),
                 )
                 for m in sorted(result.maps, key=lambda m: m.name)
             )
@@ -168,6 +179,7 @@ class Estimator:
             self._session.remove(name)
             del self._told[name], self._cells[name]
         self._placements = {n: k for n, k in self._placements.items() if n not in gone}
+        self._covariances = {n: c for n, c in self._covariances.items() if n not in gone}
         left = [(h, {n: T for n, T in h.poses.items() if n not in gone}) for h in self._held]
         self._held = [Held(h.frame, h.anchor, h.is_world, poses) for h, poses in left if poses]
 
@@ -269,6 +281,31 @@ def _priors(known: _Known) -> list[tuple[str, list[float], list[float] | None]]:
 
 def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
     return [(n, T.tolist()) for n, T in poses.items()]
+
+
+def _covariances(
+    result: MergeResult, held: Sequence[Held], before: Mapping[str, NDArray[np.float64]]
+) -> dict[str, NDArray[np.float64]]:
+    """Covariances relative to the anchors of what is held, in the world of priors as they are.
+
+    The merge tells them relative to its components' references. Of a robot that is held where the merge has
+    it apart from the anchor, the last that was told stands.
+    """
+    placed = {m.name: m for m in result.maps}
+    told: dict[str, NDArray[np.float64]] = {}
+    for h in held:
+        anchor = placed[h.anchor].component
+        for name in h.poses:
+            component = result.components[placed[name].component]
+            if not component.in_world and name == h.anchor:
+                covariance = np.zeros((3, 3))
+            elif component.in_world or placed[name].component == anchor or name not in before:
+                covariance = np.array(placed[name].covariance)
+            else:
+                covariance = np.array(before[name])
+            covariance.setflags(write=False)
+            told[name] = covariance
+    return told
 
 
 def _groups(result: MergeResult) -> list[Group]:

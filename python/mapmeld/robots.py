@@ -25,6 +25,7 @@ def tell(
     pinned: Collection[str],
     result: MergeResult,
     centres: Mapping[str, Sequence[float]],
+    covariance: NDArray[np.float64] | None,
     placements: int,
 ) -> RobotEstimate:
     """One robot, as the merge placed it and as it is held.
@@ -56,7 +57,7 @@ def tell(
         name,
         k,
         _read_only(component.poses[name]),
-        placed.covariance,
+        covariance,
         probability,
         status,
         reason,

@@ -36,6 +36,17 @@ pub fn digest(grid: &OccupancyGrid) -> Digest {
     (half(0), half(1))
 }
 
+/// A grid and its digest.
+pub type Noted<'g> = (&'g OccupancyGrid, Digest);
+
+/// Prepared maps that are lent out of a cache, and the digests of their grids.
+pub struct Lent {
+    /// In the order in which they were asked for.
+    pub maps: Vec<LocalMap>,
+    /// One for each.
+    pub digests: Vec<Digest>,
+}
+
 /// The pair of two maps, and what hinted at it.
 type PairKey = (Digest, Digest, Vec<[u64; 3]>);
 
@@ -102,15 +113,15 @@ impl Cache {
     /// Prepared maps of some grids, in their order. They are lent out of the cache: [`Cache::give_back`].
     pub fn take(
         &mut self,
-        grids: &[&OccupancyGrid],
+        grids: &[Noted],
         stage: Stage,
         config: &Config,
         observer: Observer,
-    ) -> Result<Vec<LocalMap>> {
-        let keys: Vec<Digest> = grids.iter().map(|g| digest(g)).collect();
+    ) -> Result<Lent> {
+        let keys: Vec<Digest> = grids.iter().map(|(_, digest)| *digest).collect();
         let missing = first_of_each(&keys, |key| !self.maps.contains_key(key));
         let made =
-            observed(&missing, stage, observer, |k| LocalMap::new(grids[*k].clone(), config));
+            observed(&missing, stage, observer, |k| LocalMap::new(grids[*k].0.clone(), config));
         let used = self.now();
         for (k, made) in missing.iter().zip(made.parts) {
             if let Some(value) = made {
@@ -127,15 +138,15 @@ impl Cache {
                 None => taken[of_like().expect("made or taken before")].clone(),
             });
         }
-        Ok(taken)
+        Ok(Lent { maps: taken, digests: keys })
     }
 
     /// Takes maps back that were lent.
-    pub fn give_back(&mut self, maps: Vec<LocalMap>) {
+    pub fn give_back(&mut self, lent: Lent) {
         if self.generation.is_some() {
             let used = self.now();
-            let kept = maps.into_iter().map(|m| (digest(&m.grid), Kept { value: m, used }));
-            self.maps.extend(kept);
+            let kept = lent.maps.into_iter().map(|value| Kept { value, used });
+            self.maps.extend(lent.digests.into_iter().zip(kept));
         }
     }
 
@@ -143,13 +154,12 @@ impl Cache {
     /// that were are kept even when the observer ends it.
     pub fn register(
         &mut self,
-        maps: &[LocalMap],
+        Lent { maps, digests }: &Lent,
         hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
         config: &Config,
         observer: Observer,
     ) -> Result<(Vec<Registered>, usize)> {
         let n = maps.len();
-        let digests: Vec<Digest> = maps.iter().map(|m| digest(&m.grid)).collect();
         let all: Vec<(usize, usize)> =
             (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
         let hints: Vec<Vec<Se2>> = parallel::map(&all, |(a, b)| hints(*a, *b));
@@ -184,7 +194,7 @@ impl Cache {
             }
         }
         found.whole?;
-        for b in &digests {
+        for b in digests {
             if let Some(kept) = self.mirrors.get_mut(b) {
                 kept.used = used;
             }

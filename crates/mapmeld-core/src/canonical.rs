@@ -20,7 +20,8 @@ pub struct Canonical {
 
 impl Canonical {
     /// Sorts by size, resolution, origin and cells. Names do not count.
-    pub fn of(grids: &[&OccupancyGrid]) -> Self {
+    pub fn of<'g>(grids: impl Iterator<Item = &'g OccupancyGrid>) -> Self {
+        let grids: Vec<&OccupancyGrid> = grids.collect();
         let key = |k: usize| key(grids[k]);
         let mut order: Vec<usize> = (0..grids.len()).collect();
         order.sort_by(|a, b| key(*a).cmp(&key(*b)));
@@ -35,8 +36,8 @@ impl Canonical {
     }
 
     /// The maps in this order.
-    pub fn arranged<'g>(&self, grids: &[&'g OccupancyGrid]) -> Vec<&'g OccupancyGrid> {
-        self.order.iter().map(|k| grids[*k]).collect()
+    pub fn arranged<T: Copy>(&self, maps: &[T]) -> Vec<T> {
+        self.order.iter().map(|k| maps[*k]).collect()
     }
 
     /// What is known, told of the maps in this order.

@@ -1,6 +1,6 @@
 //! The main loop: local maps in, placed maps and one merged map out, in the paper's order.
 
-use crate::cache::Cache;
+use crate::cache::{self, Cache, Lent, Noted};
 use crate::canonical::Canonical;
 use crate::cluster::Cluster;
 use crate::config::Config;
@@ -29,35 +29,35 @@ pub fn merge(
     observer: Observer,
 ) -> Result<Merge> {
     config.validate()?;
-    let grids: Vec<&OccupancyGrid> = grids.iter().collect();
+    let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
     merge_with(&mut Cache::passing(), &grids, known, config, observer)
 }
 
 /// A merge that takes what it can from a cache, of the same configuration, and leaves there what it works out.
 pub(crate) fn merge_with(
     cache: &mut Cache,
-    grids: &[&OccupancyGrid],
+    grids: &[Noted],
     known: &Known,
     config: &Config,
     observer: Observer,
 ) -> Result<Merge> {
     check_known(known, grids.len())?;
-    let canonical = Canonical::of(grids);
+    let canonical = Canonical::of(grids.iter().map(|(g, _)| *g));
     let (grids, known) = (canonical.arranged(grids), canonical.known(known));
     let found = parallel::with_threads(config.threads, || {
         let mut clock = Clock::new();
         // Section 5: data points, lines, corners.
-        let maps = cache.take(&grids, Stage::Prepare, config, observer)?;
+        let lent = cache.take(&grids, Stage::Prepare, config, observer)?;
         clock.lap("prepare");
-        let found = run(&maps, cache, &known, config, (observer, clock));
-        cache.give_back(maps);
+        let found = run(&lent, cache, &known, config, (observer, clock));
+        cache.give_back(lent);
         found
     })?;
     Ok(canonical.restored(found?))
 }
 
 fn run(
-    maps: &[LocalMap],
+    lent: &Lent,
     cache: &mut Cache,
     known: &Known,
     config: &Config,
@@ -66,8 +66,8 @@ fn run(
     // Section 3: the possible motions u_t of every pair, once for all particles. How bent the maps are is
     // learnt from the pairs that fit best.
     let Found { pairs, rung, config, fresh: registered_pairs } =
-        registered(maps, cache, known, config, observer)?;
-    let config = &config;
+        registered(lent, cache, known, config, observer)?;
+    let (config, maps) = (&config, lent.maps.as_slice());
     clock.lap("register");
 
     // Sections 2 and 4: the virtual robot travels through each component.
@@ -88,7 +88,7 @@ fn run(
     clock.lap("filter");
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
-    while let Some(joined) = join(maps, cache, &pairs, &clusters, (known, rung), config, observer)?
+    while let Some(joined) = join(lent, cache, &pairs, &clusters, (known, rung), config, observer)?
     {
         clusters = joined;
     }
@@ -139,13 +139,14 @@ pub(crate) struct Found {
 
 /// Registers all pairs and weighs them as bent as they are.
 pub(crate) fn registered(
-    maps: &[LocalMap],
+    lent: &Lent,
     cache: &mut Cache,
     known: &Known,
     config: &Config,
     observer: Observer,
 ) -> Result<Found> {
-    let (found, fresh) = cache.register(maps, prior_hints(known), config, observer)?;
+    let (found, fresh) = cache.register(lent, prior_hints(known), config, observer)?;
+    let maps = lent.maps.as_slice();
     let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
     let pairs = judged(found, rung, maps, config);
     let perception = config.perception.rungs().swap_remove(rung);
@@ -205,7 +206,7 @@ fn tell_all(clusters: &mut [Cluster]) {
 
 /// One travel with the clusters as maps; none when no two of them join.
 fn join(
-    maps: &[LocalMap],
+    lent: &Lent,
     cache: &mut Cache,
     pairs: &PairTable,
     clusters: &[Cluster],
@@ -217,12 +218,13 @@ fn join(
     if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
         return Ok(None);
     }
-    let merged = as_maps(maps, cache, clusters, config, observer)?;
+    let maps = lent.maps.as_slice();
+    let merged = as_maps(lent, cache, clusters, config, observer)?;
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
     let found = cache.register(&merged, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
-        let pairs = judged(found, 0, &merged, config);
-        travel_among(maps, &merged, &pairs, clusters, (known, rung), config, observer)
+        let pairs = judged(found, 0, &merged.maps, config);
+        travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, observer)
     });
     cache.give_back(merged);
     joined
@@ -230,22 +232,24 @@ fn join(
 
 /// The clusters as maps of their own.
 fn as_maps(
-    maps: &[LocalMap],
+    lent: &Lent,
     cache: &mut Cache,
     clusters: &[Cluster],
     config: &Config,
     observer: Observer,
-) -> Result<Vec<LocalMap>> {
+) -> Result<Lent> {
     let several: Vec<&Cluster> = clusters.iter().filter(|c| c.members.len() > 1).collect();
-    let grids = parallel::map(&several, |c| c.fused(maps, config));
+    let grids = parallel::map(&several, |c| c.fused(&lent.maps, config));
     let grids = grids.into_iter().collect::<Result<Vec<_>>>()?;
-    let grids: Vec<&OccupancyGrid> = grids.iter().collect();
-    let mut fused = cache.take(&grids, Stage::Join, config, observer)?.into_iter();
+    let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
+    let fused = cache.take(&grids, Stage::Join, config, observer)?;
+    let mut fused = fused.maps.into_iter().zip(fused.digests);
     let of_cluster = |c: &Cluster| match c.members[..] {
-        [only] => maps[only].clone(),
+        [only] => (lent.maps[only].clone(), lent.digests[only]),
         _ => fused.next().expect("one for each cluster of several maps"),
     };
-    Ok(clusters.iter().map(of_cluster).collect())
+    let (maps, digests) = clusters.iter().map(of_cluster).unzip();
+    Ok(Lent { maps, digests })
 }
 
 /// One travel with the clusters as maps, their pairs judged; none when no two of them join.

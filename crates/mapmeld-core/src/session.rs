@@ -3,7 +3,7 @@
 //! A session keeps what depends on unchanged maps alone: prepared maps, their mirror images, registered pairs. Its
 //! answers are those of [`crate::merge()`] on the same maps, bit for bit, whatever came before.
 
-use crate::cache::{self, Cache, Digest};
+use crate::cache::{self, Cache, Digest, Noted};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::fuse::{self, Fused};
@@ -70,7 +70,7 @@ impl Session {
     /// before the observer ended it need not be done again.
     pub fn merge(&mut self, known: &Known, observer: Observer) -> Result<Merge> {
         let current: Vec<Digest> = self.maps.iter().map(|m| m.digest).collect();
-        let grids: Vec<&OccupancyGrid> = self.maps.iter().map(|m| &m.grid).collect();
+        let grids: Vec<Noted> = self.maps.iter().map(|m| (&m.grid, m.digest)).collect();
         self.cache.begin(&current);
         let found = merge::merge_with(&mut self.cache, &grids, known, &self.config, observer);
         self.cache.end(found.is_err());
@@ -85,7 +85,7 @@ impl Session {
         questions: &[Question],
         observer: Observer,
     ) -> Result<Vec<Answer>> {
-        let grids: Vec<&OccupancyGrid> = self.maps.iter().map(|m| &m.grid).collect();
+        let grids: Vec<Noted> = self.maps.iter().map(|m| (&m.grid, m.digest)).collect();
         standing::answers(&mut self.cache, &grids, known, &self.config, questions, observer)
     }
 

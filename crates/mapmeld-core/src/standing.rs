@@ -3,11 +3,10 @@
 //! Maps that lie together are weighed against others that lie together, as the robot does it when it travels among
 //! merged maps: at the places in question, and at those that their pairs propose.
 
-use crate::cache::Cache;
+use crate::cache::{Cache, Noted};
 use crate::canonical::Canonical;
 use crate::config::Config;
 use crate::error::Result;
-use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::merge;
 use crate::parallel;
@@ -48,30 +47,30 @@ pub struct Answer {
 /// Answers questions from registered pairs and walls; nothing of it changes a merge.
 pub(crate) fn answers(
     cache: &mut Cache,
-    grids: &[&OccupancyGrid],
+    grids: &[Noted],
     known: &Known,
     config: &Config,
     questions: &[Question],
     observer: Observer,
 ) -> Result<Vec<Answer>> {
-    let canonical = Canonical::of(grids);
+    let canonical = Canonical::of(grids.iter().map(|(g, _)| *g));
     let (grids, known) = (canonical.arranged(grids), canonical.known(known));
     let arranged = |placed: &[(usize, Se2)]| -> Vec<(usize, Se2)> {
         placed.iter().map(|(m, t)| (canonical.place(*m), *t)).collect()
     };
     parallel::with_threads(config.threads, || {
-        let maps = cache.take(&grids, Stage::Prepare, config, observer)?;
-        let found = merge::registered(&maps, cache, &known, config, observer);
+        let lent = cache.take(&grids, Stage::Prepare, config, observer)?;
+        let found = merge::registered(&lent, cache, &known, config, observer);
         let answers = found.map(|found| {
             let config = &found.config;
             let answer = |q: &Question| {
                 let (base, moved) = (arranged(&q.base), arranged(&q.moved));
-                let of = Weighing { maps: &maps, pairs: &found.pairs, known: &known, config };
+                let of = Weighing { maps: &lent.maps, pairs: &found.pairs, known: &known, config };
                 of.answer(&base, &moved, &q.places, found.rung)
             };
             questions.iter().map(answer).collect()
         });
-        cache.give_back(maps);
+        cache.give_back(lent);
         answers
     })?
 }

@@ -117,7 +117,9 @@ fn pairs_that_were_registered_before_an_interrupt_are_kept() {
         .map(|(k, (t, (from, to)))| seen(&format!("{k}"), t, from, to))
         .collect();
     let mut session = Session::new(Config { threads: Some(1), ..Config::default() }).unwrap();
-    maps.iter().for_each(|m| drop(session.update(m.clone())));
+    for m in &maps {
+        session.update(m.clone());
+    }
     let stopped = session.merge(&Known::default(), &|stage, done, total| {
         !(stage == Stage::Register && total == 6 && done == 4)
     });

@@ -52,6 +52,8 @@ class Active:
         self._problems: dict[str, str] = {}
         self._error = ""
         self._settles: float | None = None
+        # When a map changed last; none since the maps were taken for done.
+        self._changed: float | None = time.monotonic()
         self._started = time.monotonic()
         self._discovered = float("-inf")
         self._diagnosed = float("-inf")
@@ -93,8 +95,8 @@ class Active:
         self._merging.stop()
 
     def request_estimate(self) -> None:
-        """Estimates at once."""
-        self._estimation.request(now=True)
+        """Estimates at once, taking the maps for done."""
+        self._estimation.request(now=True, maps_are_done=True)
 
     def place_known(self, robot: str) -> None:
         """Takes the robot's known pose as its parameters have it now."""
@@ -114,6 +116,10 @@ class Active:
             self._discover(now)
         if self._settles is not None and now >= self._settles:
             self._settle()
+        quiet = self._node.parameters.quiet_time
+        if self._changed is not None and 0 < quiet <= now - self._changed:
+            self._changed = None
+            self._estimation.request(maps_are_done=True)
         publishers = {name: listener.follow() for name, listener in self._listeners.items()}
         for robot in self._session.robots.silent(now, self._node.parameters.robot_timeout):
             if not publishers.get(robot.name):
@@ -207,6 +213,7 @@ class Active:
             self._log.error(f"robot {name!r}: {error}; its map is placed by its walls")
             has_changed = True
         if has_changed:
+            self._changed = time.monotonic()
             if self._session.is_settled:
                 self._estimation.request()
                 self._merging.request()

@@ -39,7 +39,7 @@ class EstimationWorker:
         self._rate, self._timeout = rate, timeout
         self._on_estimate, self._on_error = on_estimate, on_error
         self._condition = threading.Condition()
-        self._is_changed = self._is_urgent = self._is_stopping = False
+        self._is_changed = self._is_urgent = self._are_done = self._is_stopping = False
         self._started = 0.0
         self._patience = 1.0
         self._thread = threading.Thread(target=self._run, name="estimation", daemon=True)
@@ -49,11 +49,12 @@ class EstimationWorker:
     def start(self) -> None:
         self._thread.start()
 
-    def request(self, *, now: bool = False) -> None:
-        """Something has changed. now: do not wait for the rate."""
+    def request(self, *, now: bool = False, maps_are_done: bool = False) -> None:
+        """Something has changed. now: do not wait for the rate. maps_are_done: as in Estimator.estimate."""
         with self._condition:
             self._is_changed = True
             self._is_urgent |= now
+            self._are_done |= maps_are_done
             self._condition.notify()
 
     def stop(self) -> None:
@@ -66,8 +67,9 @@ class EstimationWorker:
 
     def _run(self) -> None:
         while self._wait():
+            are_done, self._are_done = self._are_done, False
             try:
-                estimate = self._estimator.estimate(self._progress)
+                estimate = self._estimator.estimate(self._progress, are_done)
             except Superseded:
                 self.superseded += 1
                 self._patience *= _PATIENCE_GROWTH

@@ -45,7 +45,7 @@ class MergedMaps:
                 continue
             earlier = self._published.get(named.frame)
             merged = grown(merged, earlier)
-            if earlier is None or self._numbers[named.frame] != named.number or not _is_same(merged, earlier):
+            if earlier is None or self._numbers[named.frame] != named.number or not is_same(merged, earlier):
                 changed.append((named, merged))
             current[named.frame] = merged
         self._numbers = {named.frame: named.number for named in names if named.frame in current}
@@ -96,7 +96,8 @@ class MergeWorker:
                 self._on_error(error)
 
 
-def _is_same(a: OccupancyGrid, b: OccupancyGrid) -> bool:
+def is_same(a: OccupancyGrid, b: OccupancyGrid) -> bool:
+    """Whether two grids have the same cells at the same place."""
     return (
         a.resolution == b.resolution
         and a.origin == b.origin

@@ -42,11 +42,12 @@ class Parameters:
     )
     known_init_poses: bool = _parameter(
         True,
-        "Whether /<robot>/map_merge/init_pose_* place the robots that have them; the others are estimated.",
+        "Whether /<robot>/map_merge/init_pose_* place the robots that have them; others are estimated.",
     )
     estimation_confidence: float = _parameter(
         1.0,
-        "How sure a merge must be: 1 is a probability of 0.8, and every 1 more leaves a fifth of the doubt.",
+        "How sure a link must be: at 1 a probability of 0.98 while maps grow, of 0.8 when they are done; "
+        "at c the doubt that is left, 0.02 and 0.2, is taken to the power of c.",
         between=(0.0, 10.0),
     )
     robot_map_topic: str = _parameter("map", "Name of the robots' map topics below their namespaces.")
@@ -75,6 +76,13 @@ class Parameters:
     robot_timeout: float = _parameter(
         0.0,
         "Seconds without a map and without a publisher after which a robot leaves. 0: its last map stays.",
+        between=(0.0, 1e9),
+        is_live=True,
+    )
+    quiet_time: float = _parameter(
+        20.0,
+        "Seconds without a changed map after which the maps count as done: a new link then needs the "
+        "probability of a merge, and not that of one while maps grow. 0: never.",
         between=(0.0, 1e9),
         is_live=True,
     )

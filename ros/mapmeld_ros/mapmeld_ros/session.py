@@ -12,9 +12,10 @@ from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from mapmeld import Estimate, Estimator, OccupancyGrid, Prior, load_config
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
+from mapmeld.holding import Hold
 from mapmeld_ros.components import ComponentNames, Named
 from mapmeld_ros.known_poses import BadKnownPose, KnownPose, known_pose, legacy_pose
-from mapmeld_ros.merged_maps import MergedMaps
+from mapmeld_ros.merged_maps import MergedMaps, is_same
 from mapmeld_ros.parameters import Parameters
 from mapmeld_ros.robots import Robots
 
@@ -42,7 +43,7 @@ class MergeSession:
         self._parameters = parameters
         self._get_parameter = get_parameter
         options = merge_options(parameters)
-        self.estimator = Estimator(options)
+        self.estimator = Estimator(options, hold(parameters))
         self.robots = Robots(parameters.max_map_cells)
         self.merged = MergedMaps(options)
         self._names = ComponentNames(parameters.world_frame)
@@ -70,8 +71,8 @@ class MergeSession:
     def settle(self) -> None:
         """Tells the estimator of the first maps, in the order of the robots' names.
 
-        Without known poses the world is the map frame of the robot that comes first: so it is the same robot's
-        after every start, whichever message was faster. Raises BadKnownPose after all have been told.
+        Without known poses the world is the map frame of the robot that comes first: so it is the same
+        robot's after every start, whichever message was faster. Raises BadKnownPose after all have been told.
         """
         self._is_settled = True
         problems = []
@@ -85,11 +86,17 @@ class MergeSession:
             raise BadKnownPose("; ".join(problems))
 
     def take_map(self, name: str, msg: OccupancyGridMsg, now: float) -> bool:
-        """Takes a whole map; False when the robot has left. Raises BadMessage and BadKnownPose."""
+        """Takes a whole map; False when nothing has changed or the robot has left.
+
+        Raises BadMessage and BadKnownPose.
+        """
         return self._take(name, lambda: self.robots.take_map(name, msg, now))
 
     def take_update(self, name: str, msg: OccupancyGridUpdate, now: float) -> bool:
-        """Takes a part of a map; False without a whole one. Raises BadMessage."""
+        """Takes a part of a map; False when nothing has changed or there is no whole one.
+
+        Raises BadMessage.
+        """
         return self._take(name, lambda: self.robots.take_update(name, msg, now))
 
     def leave(self, name: str) -> None:
@@ -160,6 +167,8 @@ class MergeSession:
         grid = take()
         if grid is None or before is None:
             return False
+        if before.grid is not None and is_same(before.grid, grid):
+            return False
         if not self._is_settled:
             return True
         self.estimator.update(grid)
@@ -190,6 +199,11 @@ class MergeSession:
                 x, y, theta = (float(v) for v in r.T_world_map)
                 return x, y, theta
         raise Refused(f"{name!r} is not placed in the world yet; give x, y and yaw")
+
+
+def hold(parameters: Parameters) -> Hold:
+    """How clear a new link must be while maps grow, by estimation_confidence as in merge_options."""
+    return Hold(join=1.0 - (1.0 - Hold().join) ** parameters.estimation_confidence)
 
 
 def merge_options(parameters: Parameters) -> Mapping[str, Any]:

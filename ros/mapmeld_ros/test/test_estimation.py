@@ -117,7 +117,7 @@ class FailsOnce:
     def __init__(self) -> None:
         self.calls = 0
 
-    def estimate(self, progress: Any) -> Estimate:
+    def estimate(self, progress: Any, maps_are_done: bool) -> Estimate:
         self.calls += 1
         if self.calls == 1:
             raise MapmeldError("map 'a': too large")

@@ -9,7 +9,7 @@ import pytest
 from mapmeld import MapmeldError
 from mapmeld.config import default_config
 from mapmeld_ros.parameters import Parameters, descriptor, problem
-from mapmeld_ros.session import merge_options
+from mapmeld_ros.session import hold, merge_options
 
 # multirobot_map_merge, ROS 2 branch.
 UPSTREAM = {
@@ -57,6 +57,11 @@ def test_values_that_make_no_sense_are_named(name: str, value: str) -> None:
 def test_confidence_shrinks_the_doubt_fivefold(confidence: float, probability: float) -> None:
     options = merge_options(Parameters(estimation_confidence=confidence))
     assert options["evidence"]["min_probability"] == pytest.approx(probability, abs=1e-4)
+
+
+@pytest.mark.parametrize(("confidence", "join"), [(0.0, 0.0), (0.5, 0.8586), (1.0, 0.98), (2.0, 0.9996)])
+def test_confidence_counts_while_maps_grow_too(confidence: float, join: float) -> None:
+    assert hold(Parameters(estimation_confidence=confidence)).join == pytest.approx(join, abs=1e-4)
 
 
 def test_the_default_confidence_is_the_merge_s_own_probability() -> None:

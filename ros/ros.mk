@@ -6,7 +6,7 @@ ROS_PY := $(ROS_VENV)/bin/python
 ROS_INTERFACES := ros/test_interfaces/tf2_msgs ros/test_interfaces/map_msgs ros/mapmeld_msgs
 ROS_INTERFACE_FILES := $(foreach p,$(ROS_INTERFACES),$(wildcard $(p)/msg/* $(p)/srv/* $(p)/package.xml $(p)/CMakeLists.txt))
 
-.PHONY: ros ros-test ros-bench test-ros
+.PHONY: ros ros-check ros-test ros-bench test-ros
 
 ros: $(ROS_VENV)/.ready
 
@@ -27,6 +27,10 @@ $(ROS_VENV)/.ready: $(VENV)/.built $(ROS_VENV)/.interfaces
 	printf '%s\n' "$(CURDIR)/python" "$(CURDIR)/ros/mapmeld_ros" > $(ROS_VENV)/lib/python3.11/site-packages/mapmeld.pth
 	@touch $@
 
+# Types of the node; ruff is run by `make check`.
+ros-check: $(ROS_VENV)/.ready
+	MYPYPATH=ros/mapmeld_ros:python $(VENV)/bin/mypy --config-file ros/mapmeld_ros/mypy.ini --python-executable $(ROS_PY)
+
 # Three at a time: these tests mostly wait for processes, and each has a ROS domain of its own.
 ros-test: $(ROS_VENV)/.ready
 	$(ROS_PY) -m pytest -c ros/mapmeld_ros/pytest.ini -n 3 ros/mapmeld_ros/test
@@ -42,5 +46,5 @@ test-ros:
 	  echo "mapmeld: THE TESTS OF THE ROS 2 NODE ARE SKIPPED: $$problem" >&2; \
 	  echo "********************************************************************************" >&2; \
 	else \
-	  $(MAKE) --no-print-directory ros-test; \
+	  $(MAKE) --no-print-directory ros-check ros-test; \
 	fi

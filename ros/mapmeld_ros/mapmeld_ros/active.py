@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING
 
 from map_msgs.msg import OccupancyGridUpdate
 from mapmeld_msgs.msg import MergeEstimate
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 
 from mapmeld import Estimate
 from mapmeld_ros.checks import BadMessage
-from mapmeld_ros.discovery import TF_TYPE, find_robots, in_namespace, with_own_tf
+from mapmeld_ros.discovery import find_robots, in_namespace
 from mapmeld_ros.estimation import EstimationWorker
 from mapmeld_ros.known_poses import BadKnownPose
 from mapmeld_ros.listening import RobotListener
@@ -22,7 +24,7 @@ from mapmeld_ros.result_message import estimate_message
 from mapmeld_ros.session import MergeSession
 from mapmeld_ros.status_message import diagnostics_message
 from mapmeld_ros.throttle import Throttle
-from mapmeld_ros.transforms import link, plan
+from mapmeld_ros.tree import Tree
 
 if TYPE_CHECKING:
     from mapmeld_ros.node import MapMerge
@@ -48,8 +50,7 @@ class Active:
         self._log = node.get_logger()
         self._throttle = Throttle()
         self._listeners: dict[str, RobotListener] = {}
-        self._own_tf: set[str] = set()
-        self._problems: dict[str, str] = {}
+        self._tree = Tree(node, session, publishing, lambda robot, said: self._warn((robot, "tf"), said))
         self._error = ""
         self._settles: float | None = None
         # When a map changed last; none since the maps were taken for done.
@@ -71,7 +72,7 @@ class Active:
         self._timers = [node.create_timer(_EAGER_TICK_SECONDS, self._tick, clock=steady)]
         if node.parameters.publish_tf == "dynamic":
             self._timers.append(
-                node.create_timer(_TF_SECONDS, lambda: publishing.again(self._stamp()), clock=steady)
+                node.create_timer(_TF_SECONDS, lambda: publishing.again(node.stamp()), clock=steady)
             )
         self._estimation.start()
         self._merging.start()
@@ -91,6 +92,7 @@ class Active:
             self._node.destroy_timer(timer)
         for listener in self._listeners.values():
             listener.close()
+        self._tree.close()
         self._estimation.stop()
         self._merging.stop()
 
@@ -124,9 +126,7 @@ class Active:
         for robot in self._session.robots.silent(now, self._node.parameters.robot_timeout):
             if not publishers.get(robot.name):
                 self._leave(robot.name, now - robot.heard)
-        topics = self._node.get_topic_names_and_types()
-        if self._follow_tf(topics):
-            self._publish_transforms()
+        self._tree.follow(self._node.get_topic_names_and_types())
         if now - self._diagnosed >= _DIAGNOSTICS_SECONDS:
             self._diagnosed = now
             self._publish_diagnostics(now)
@@ -170,30 +170,8 @@ class Active:
         self._log.warning(f"robot {name!r} leaves: no map and no publisher for {seconds:.0f} s")
         self._listeners.pop(name).close()
         self._session.leave(name)
-        self._problems.pop(name, None)
         self._estimation.request(now=True)
         self._merging.request()
-
-    def _follow_tf(self, topics: list[tuple[str, list[str]]]) -> bool:
-        """Whether another robot's transforms go to its own tree now."""
-        mode = self._node.parameters.tf_namespaces
-        robots = [r.name for r in self._session.robots.all()]
-        if mode == "auto":
-            # A robot that had a tree of its own keeps it while its publishers restart.
-            own = self._own_tf & set(robots) | with_own_tf(filter(self._is_of_others, topics), robots)
-        else:
-            own = set(robots) if mode == "always" else set()
-        has_changed = own != self._own_tf
-        self._own_tf = own
-        return has_changed
-
-    def _is_of_others(self, topic: tuple[str, list[str]]) -> bool:
-        """Whether somebody but this node publishes a transform topic."""
-        name, types = topic
-        me = (self._node.get_namespace(), self._node.get_name())
-        return TF_TYPE in types and any(
-            (p.node_namespace, p.node_name) != me for p in self._node.get_publishers_info_by_topic(name)
-        )
 
     def _take_map(self, name: str, msg: OccupancyGridMsg) -> None:
         self._take(name, "map", lambda: self._session.take_map(name, msg, time.monotonic()))
@@ -201,7 +179,7 @@ class Active:
     def _take_update(self, name: str, msg: OccupancyGridUpdate) -> None:
         self._take(name, "map update", lambda: self._session.take_update(name, msg, time.monotonic()))
 
-    def _take(self, name, kind, take) -> None:  # type: ignore[no-untyped-def]
+    def _take(self, name: str, kind: str, take: Callable[[], bool]) -> None:
         try:
             has_changed = take()
         except BadMessage as error:
@@ -223,7 +201,7 @@ class Active:
     def _take_estimate(self, estimate: Estimate) -> None:
         self._error = ""
         self._session.take_estimate(estimate)
-        self._publish_transforms()
+        self._tree.publish()
         self._publish_estimate()
         self._merging.request()
 
@@ -238,37 +216,12 @@ class Active:
             known.names,
             p.merged_map_topic,
             p.world_frame,
-            self._stamp(),
+            self._node.stamp(),
         )
 
     def _publish_maps(self) -> None:
         names = self._session.known.names
-        self._publishing.maps(self._session.merge(), {named.number for named in names}, self._stamp())
-
-    def _publish_transforms(self) -> None:
-        known = self._session.known
-        if self._node.parameters.publish_tf == "off":
-            return
-        robots = {r.name: r for r in self._session.robots.all()}
-        placed = {r.name: r for r in known.estimate.robots if r.T_world_map is not None}
-        # Those that joined first in front: a frame that two claim stays with the first.
-        links = [
-            link(
-                name,
-                known.names[placed[name].component].frame,
-                robot.frame,
-                placed[name].T_world_map,
-                name in self._own_tf,
-            )
-            for name, robot in robots.items()
-            if name in placed and placed[name].component is not None
-        ]
-        topic = "tf_static" if self._node.parameters.publish_tf == "static" else "tf"
-        planned = plan(links, topic, [named.frame for named in known.names])
-        self._publishing.transforms(planned, self._stamp())
-        self._problems = planned.problems
-        for name, problem in planned.problems.items():
-            self._warn((name, "tf"), f"robot {name!r}: no transform: {problem}")
+        self._publishing.maps(self._session.merge(), {named.number for named in names}, self._node.stamp())
 
     def _publish_diagnostics(self, now: float) -> None:
         self._publishing.diagnostics(
@@ -276,10 +229,10 @@ class Active:
                 self._node.get_name(),
                 self._message(),
                 self._session.robots.all(),
-                self._problems,
+                self._tree.problems,
                 self._error,
                 now,
-                self._stamp(),
+                self._node.stamp(),
             )
         )
 
@@ -290,9 +243,6 @@ class Active:
     def _merge_failed(self, error: Exception) -> None:
         self._warn("merge", f"the merged map could not be made: {str(error) or type(error).__name__}")
 
-    def _warn(self, key: object, sentence: str) -> None:
+    def _warn(self, key: Hashable, sentence: str) -> None:
         if self._throttle.passes(key, time.monotonic()):
             self._log.warning(sentence)
-
-    def _stamp(self):  # type: ignore[no-untyped-def]
-        return self._node.get_clock().now().to_msg()

@@ -35,7 +35,7 @@ class TopicListener:
     ) -> None:
         self._node, self._topic, self._kind, self._depth = node, topic, kind, depth
         self._callback, self._on_mismatch = callback, on_mismatch
-        self._subscriptions: dict[Offer, Subscription] = {}
+        self._subscriptions: dict[Offer, Subscription[Any]] = {}
 
     def follow(self) -> int:
         """Subscribes as the topic's publishers need it now; how many publishers there are."""
@@ -56,7 +56,7 @@ class TopicListener:
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()
 
-    def _subscribe(self, offer: Offer) -> Subscription:
+    def _subscribe(self, offer: Offer) -> Subscription[Any]:
         def mismatch(event: Any) -> None:
             self._on_mismatch(
                 f"{self._topic}: a publisher offers less than this subscription asks ({described(offer)}); "

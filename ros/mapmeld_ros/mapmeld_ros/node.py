@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -52,6 +54,10 @@ class MapMerge(LifecycleNode):
     def parameters(self) -> node_parameters.Parameters:
         """The values in effect."""
         return self._in_effect
+
+    def stamp(self) -> Time:
+        """The time now, as messages have it: of the simulation with use_sim_time."""
+        return self.get_clock().now().to_msg()
 
     def known_pose_parameter(self, name: str) -> Any:
         """The value of a parameter that only some robots have; None when it is not set."""
@@ -124,7 +130,7 @@ class MapMerge(LifecycleNode):
         self._active.request_estimate()
         return True
 
-    def _may_set(self, changes: list[Parameter]) -> SetParametersResult:
+    def _may_set(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         for change in changes:
             if problem := node_parameters.problem(change.name, change.value):
                 return SetParametersResult(successful=False, reason=problem)
@@ -134,7 +140,7 @@ class MapMerge(LifecycleNode):
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True, reason="")
 
-    def _was_set(self, changes: list[Parameter]) -> None:
+    def _was_set(self, changes: list[Parameter[Any]]) -> None:
         if self._is_declaring:
             return
         self._in_effect = node_parameters.read(self)

@@ -18,7 +18,7 @@ from mapmeld import OccupancyGrid
 from mapmeld_ros.components import Named, topic_of
 from mapmeld_ros.conversions import grid_to_message, transform_message
 from mapmeld_ros.qos import LATCHED
-from mapmeld_ros.transforms import Plan
+from mapmeld_ros.transforms import Others, Plan
 
 # What tf2's listeners are made for.
 _TF_QOS = QoSProfile(depth=100)
@@ -32,9 +32,11 @@ class Publishing:
         self._topic = merged_map_topic
         self._is_tf_static = is_tf_static
         self._lock = threading.Lock()
-        self._maps: dict[int, Publisher] = {}
-        self._transforms: dict[str, Publisher] = {}
+        self._maps: dict[int, Publisher[OccupancyGridMsg]] = {}
+        self._transforms: dict[str, Publisher[TFMessage]] = {}
         self._plan = Plan({}, {})
+        self.others = Others()
+        """What others publish on /tf_static."""
         self._estimate = node.create_publisher(MergeEstimate, "~/estimate", LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         # Whoever looks for the merged map finds its topic before there is one.
@@ -69,6 +71,7 @@ class Publishing:
                         transform_message(one.T_parent_map, one.parent, one.map_frame, stamp) for one in links
                     ]
                 )
+                self.others.publish(msg)
                 self._transforms[topic].publish(msg)
             self._plan = plan
 
@@ -95,7 +98,7 @@ class Publishing:
             self._maps.clear()
             self._transforms.clear()
 
-    def _map_publisher(self, number: int) -> Publisher:
+    def _map_publisher(self, number: int) -> Publisher[OccupancyGridMsg]:
         if number not in self._maps:
             topic = topic_of(self._topic, number)
             self._maps[number] = self._node.create_publisher(OccupancyGridMsg, topic, LATCHED)

@@ -19,6 +19,11 @@ _LATCHED, _VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATIL
 LATCHED = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=_RELIABLE, durability=_LATCHED)
 """Merged maps, estimates and static transforms: whoever comes late gets the newest one."""
 
+ALL_LATCHED = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=100, reliability=_RELIABLE, durability=_LATCHED
+)
+"""For listening to a topic on which several publishers have latched messages."""
+
 
 def requests(offers: Iterable[Offer]) -> tuple[Offer, ...]:
     """What to subscribe with so that every one of these publishers is matched, most demanding first.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from builtin_interfaces.msg import Time
@@ -77,7 +78,13 @@ class Robots:
         """Those not heard for `timeout` seconds; none when that is 0."""
         return [r for r in self.all() if timeout > 0 and now - r.heard > timeout]
 
-    def _take(self, name, msg, now, convert):  # type: ignore[no-untyped-def]
+    def _take(
+        self,
+        name: str,
+        msg: OccupancyGridMsg | OccupancyGridUpdate,
+        now: float,
+        convert: Callable[[Robot], OccupancyGrid | None],
+    ) -> OccupancyGrid | None:
         robot = self.get(name)
         if robot is None:
             return None

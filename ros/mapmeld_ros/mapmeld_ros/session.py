@@ -119,17 +119,18 @@ class MergeSession:
         found = None
         if p.known_init_poses:
             found = known_pose(name, self._get_parameter, p.init_pose_sigma_xy, p.init_pose_sigma_yaw)
-        pose = None if found is None else found.pose
-        if pose is not None and p.legacy_init_poses:
-            pose = legacy_pose(pose, robot.grid)
-        if pose is not None and found.sigma is None:
+        if found is None:
+            self._let_go(name)
+            self.estimator.set_prior(name, None)
+            return None
+        pose = legacy_pose(found.pose, robot.grid) if p.legacy_init_poses else found.pose
+        if found.sigma is None:
+            self.estimator.set_prior(name, None)
             self.estimator.pin(name, pose)
             self._pinned.add(name)
         else:
             self._let_go(name)
-        self.estimator.set_prior(
-            name, Prior(pose, found.sigma) if pose is not None and found.sigma is not None else None
-        )
+            self.estimator.set_prior(name, Prior(pose, found.sigma))
         return found
 
     def pin(self, name: str, pose: tuple[float, float, float] | None) -> tuple[float, float, float]:
@@ -172,9 +173,9 @@ class MergeSession:
         if not self._is_settled:
             return True
         self.estimator.update(grid)
-        is_first = before.grid is None
-        has_moved = self._parameters.legacy_init_poses and not is_first and before.grid.origin != grid.origin
-        if is_first or has_moved:
+        # Legacy poses are about the corner of the grid.
+        is_legacy = self._parameters.legacy_init_poses
+        if before.grid is None or (is_legacy and before.grid.origin != grid.origin):
             self.place_known(name)
         return True
 
@@ -195,7 +196,9 @@ class MergeSession:
     def _pose_in_world(self, name: str) -> tuple[float, float, float]:
         known = self._known
         for r in known.estimate.robots:
-            if r.name == name and r.component is not None and known.estimate.components[r.component].is_world:
+            if r.name != name or r.component is None or r.T_world_map is None:
+                continue
+            if known.estimate.components[r.component].is_world:
                 x, y, theta = (float(v) for v in r.T_world_map)
                 return x, y, theta
         raise Refused(f"{name!r} is not placed in the world yet; give x, y and yaw")

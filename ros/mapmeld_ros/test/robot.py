@@ -64,7 +64,8 @@ class Robots:
         elif command["do"] == "tf":
             link = TransformStamped(child_frame_id=command["child"])
             link.header.frame_id = command["parent"]
-            self.publisher(TFMessage, topic, {"durability": "volatile"}).publish(TFMessage(transforms=[link]))
+            publisher = self.publisher(TFMessage, topic, {"durability": "volatile", **command})
+            publisher.publish(TFMessage(transforms=[link]))
         elif command["do"] == "silence":
             self.node.destroy_publisher(self.publishers.pop(topic))
         else:

@@ -174,3 +174,22 @@ def test_two_publishers_that_offer_different_things_are_both_heard(graph: Graph)
     graph.wait_map(
         accept=lambda m: np.count_nonzero(np.array(m.data) == 100) == np.count_nonzero(more == 100)
     )
+
+
+def test_a_large_map_is_merged(graph: Graph) -> None:
+    """16 million cells, nearly all unknown, as SLAM packages reserve them."""
+    data = np.full((4000, 4000), -1, dtype=np.int8)
+    left = rooms.building()[0]
+    row, col = 1500, 2100
+    data[row : row + left.height, col : col + left.width] = left.data
+    x, y, _ = left.origin
+    corner = (x - col * left.resolution, y - row * left.resolution, 0.0)
+    large = OccupancyGrid(data, left.resolution, corner, "left")
+    fleet = graph.fleet()
+    graph.node()
+    graph.publish(fleet, large)
+    graph.publish(fleet, rooms.building()[1])
+    graph.wait_status(left="merged", middle="merged")
+    # What nobody has seen is not published.
+    msg = graph.wait_map(accept=lambda m: m.info.width * m.info.resolution > 11)
+    assert msg.info.width * msg.info.height < 100_000

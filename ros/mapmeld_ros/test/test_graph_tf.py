@@ -80,3 +80,39 @@ def test_static_transforms_are_published_when_they_change_and_not_else(graph: Gr
         graph.publish(fleet, middle)
         graph.spin(0.1)
     assert len(graph.links["/tf_static"]) == sent
+
+
+def test_a_frame_that_somebody_else_leads_to_is_left_to_them(graph: Graph) -> None:
+    """As with the static_transform_publishers that people ran beside multirobot_map_merge."""
+    fleet = graph.fleet()
+    node = graph.node()
+    left, middle, _ = rooms.building()
+    fleet.do(do="tf", topic="/tf_static", parent="world", child="left/map", durability="transient_local")
+    graph.spin(1.0)
+    graph.links["/tf_static"].clear()
+    graph.publish(fleet, left)
+    graph.publish(fleet, middle)
+    graph.wait_status(left="merged", middle="merged")
+    graph.wait("the other transform", graph.tree)
+    graph.spin(0.5)
+    assert list(graph.tree()) == ["middle/map"]
+    assert "somebody else publishes a static transform from 'world'" in node.said()
+
+    # When they stop, the node takes over.
+    fleet.do(do="silence", topic="/tf_static")
+    graph.wait("both transforms", lambda: sorted(graph.tree()) == ["left/map", "middle/map"])
+
+
+def test_own_transforms_that_change_are_not_taken_for_somebody_elses(graph: Graph) -> None:
+    from mapmeld_msgs.srv import PinRobot
+
+    fleet = graph.fleet()
+    node = graph.node()
+    graph.publish(fleet, rooms.hall())
+    graph.wait("a transform", graph.tree)
+    for x in (1.0, 2.0, 3.0):
+        assert graph.call(PinRobot, "/map_merge/pin", robot="hall", x=x).success
+        graph.wait("the pin", lambda x=x: graph.tree()["hall/map"] == ("world", (x, 0.0, 0.0)))
+    graph.spin(1.0)
+    assert "somebody else" not in node.said()
+    assert graph.tree()["hall/map"] == ("world", (3.0, 0.0, 0.0))

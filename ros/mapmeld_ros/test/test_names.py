@@ -5,7 +5,7 @@ from __future__ import annotations
 from mapmeld import Estimate
 from mapmeld.estimate import EstimatedComponent
 from mapmeld_ros.components import ComponentNames, frame_of, topic_of
-from mapmeld_ros.transforms import link, plan
+from mapmeld_ros.transforms import Others, link, plan
 
 
 def estimate(*components: tuple[str, ...], world: str = "a") -> Estimate:
@@ -45,7 +45,7 @@ def test_every_frame_gets_one_parent() -> None:
         link("d", "world", "", (3, 0, 0), False),
         link("e", "world_e", "world", (0, 0, 0), False),
     ]
-    found = plan(links, "tf_static", ["world", "world_e"])
+    found = plan(links, "tf_static", ["world", "world_e"], Others())
     assert {t: [one.robot for one in some] for t, some in found.topics.items()} == {"/tf_static": ["a", "c"]}
     assert set(found.problems) == {"b", "d", "e"}
     assert "'a'" in found.problems["b"]
@@ -55,7 +55,7 @@ def test_every_frame_gets_one_parent() -> None:
 
 def test_robots_with_trees_of_their_own_may_share_a_frame_name() -> None:
     links = [link(name, "world", "map", (0, 0, 0), True) for name in ("a", "b")]
-    found = plan(links, "tf", ["world"])
+    found = plan(links, "tf", ["world"], Others())
     assert sorted(found.topics) == ["/a/tf", "/b/tf"]
     assert found.problems == {}
 

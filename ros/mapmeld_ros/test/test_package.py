@@ -80,3 +80,12 @@ def test_package_xml_names_every_ros_package_that_is_imported() -> None:
                 imported |= {str(name).split(".")[0] for name in names}
     foreign = imported - set(sys.stdlib_module_names) - {"numpy", "mapmeld", "mapmeld_ros", "rcl_interfaces"}
     assert foreign <= depends, foreign - depends
+
+
+def test_the_documentation_has_every_parameter_with_its_default() -> None:
+    text = (PACKAGE.parents[1] / "docs" / "ros2.md").read_text()
+    rows = [[c.strip() for c in r.split("|")[1:3]] for r in text.splitlines() if r.startswith("| `")]
+    documented = {n.strip("` "): default for names, default in rows for n in names.split(",")}
+    for name, value in vars(Parameters()).items():
+        said = yaml.safe_load(documented[name].strip("`"))
+        assert said == value, name

@@ -17,6 +17,7 @@ __all__ = [
     "candidates",
     "default_config",
     "effective_config",
+    "fuse",
     "merge",
     "perceive",
     "register",

@@ -46,8 +46,8 @@ class Parameters:
     )
     estimation_confidence: float = _parameter(
         1.0,
-        "How sure a link must be: at 1 a probability of 0.98 while maps grow, of 0.8 when they are done; "
-        "at c the doubt that is left, 0.02 and 0.2, is taken to the power of c.",
+        "How sure a link must be. 1: as Mapmeld has it (0.99 while maps grow, 0.8 when they are done); "
+        "at c the doubt that is left is taken to the power of c.",
         between=(0.0, 10.0),
     )
     robot_map_topic: str = _parameter("map", "Name of the robots' map topics below their namespaces.")

@@ -59,7 +59,7 @@ def test_confidence_shrinks_the_doubt_fivefold(confidence: float, probability: f
     assert options["evidence"]["min_probability"] == pytest.approx(probability, abs=1e-4)
 
 
-@pytest.mark.parametrize(("confidence", "join"), [(0.0, 0.0), (0.5, 0.8586), (1.0, 0.98), (2.0, 0.9996)])
+@pytest.mark.parametrize(("confidence", "join"), [(0.0, 0.0), (0.5, 0.9), (1.0, 0.99), (2.0, 0.9999)])
 def test_confidence_counts_while_maps_grow_too(confidence: float, join: float) -> None:
     assert hold(Parameters(estimation_confidence=confidence)).join == pytest.approx(join, abs=1e-4)
 

@@ -27,7 +27,7 @@ $(VENV)/.built: $(VENV)/.tools $(SOURCES)
 demo: $(VENV)/.built
 	$(VENV)/bin/mapmeld demo -o demo_out
 
-test: test-rust test-python
+test: test-rust test-python test-ros
 
 test-rust: $(VENV)/.built
 	cargo test --quiet --workspace --exclude mapmeld-py
@@ -52,4 +52,6 @@ bench: $(VENV)/.built
 	$(PY) benchmarks/complexity.py
 
 clean:
-	rm -rf $(VENV) target demo_out
+	rm -rf $(VENV) $(ROS_VENV) target demo_out
+
+include ros/ros.mk

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mapmeld.errors import ConfigError, MapFileError, MapmeldError
     from mapmeld.estimate import Estimate, EstimatedComponent, Prior, RobotEstimate, RunnerUp
     from mapmeld.estimator import Estimator
+    from mapmeld.fusing import fuse
     from mapmeld.grid import OccupancyGrid
     from mapmeld.holding import Hold
     from mapmeld.map_features import MapFeatures, features
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "default_config",
     "features",
+    "fuse",
     "load_config",
     "merge",
     "read_map",
@@ -69,6 +71,7 @@ _HOME = {
     "__version__": "_core",
     "default_config": "config",
     "features": "map_features",
+    "fuse": "fusing",
     "load_config": "config",
     "merge": "merging",
     "read_map": "map_io",

@@ -17,6 +17,7 @@ __all__ = [
     "candidates",
     "default_config",
     "effective_config",
+    "fuse",
     "merge",
     "perceive",
     "register",
@@ -170,6 +171,11 @@ def register(a: LocalMap, b: LocalMap, config: str) -> tuple[int, list[_Mode]]: 
 def weigh(a: LocalMap, b: LocalMap, mirrored_b: LocalMap, config: str) -> _Weighed: ...
 def perceive(a: LocalMap, b: LocalMap, poses: Sequence[Sequence[float]], config: str) -> _Perception: ...
 def candidates(a: LocalMap, b: LocalMap, config: str) -> list[tuple[str, list[float]]]: ...
+def fuse(
+    name: str,
+    placed: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float], Sequence[float]]],
+    config: str,
+) -> _Fused: ...
 def merge(
     maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],
     config: str,

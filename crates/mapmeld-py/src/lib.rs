@@ -1,6 +1,7 @@
 //! Python bindings: convert, call, map errors. No algorithm lives here.
 
 mod convert;
+mod fuse;
 mod local_map;
 mod merge;
 mod session;
@@ -19,6 +20,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(local_map::weigh, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::perceive, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::candidates, m)?)?;
+    m.add_function(wrap_pyfunction!(fuse::fuse, m)?)?;
     m.add_function(wrap_pyfunction!(merge::merge, m)?)?;
     Ok(())
 }

@@ -1,0 +1,44 @@
+"""The executable map_merge."""
+
+from __future__ import annotations
+
+import sys
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from mapmeld_ros.node import MapMerge
+
+RCLError = rclpy_implementation.RCLError
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs the node until it is interrupted; the exit code."""
+    rclpy.init(args=args)
+    try:
+        node = MapMerge()
+    except (ValueError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        print(f"map_merge: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except RCLError:
+        # The signal came while the executor was about to wait.
+        if rclpy.ok():
+            raise
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

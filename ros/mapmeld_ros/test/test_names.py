@@ -1,0 +1,64 @@
+"""Numbers and frames of components, and the transforms between frames."""
+
+from __future__ import annotations
+
+from mapmeld import Estimate
+from mapmeld.estimate import EstimatedComponent
+from mapmeld_ros.components import ComponentNames, frame_of, topic_of
+from mapmeld_ros.transforms import Others, link, plan
+
+
+def estimate(*components: tuple[str, ...], world: str = "a") -> Estimate:
+    """Components whose first robot is the anchor."""
+    found = tuple(EstimatedComponent(tuple(sorted(c)), c[0], world in c, None) for c in components)
+    return Estimate((), found, None, 0, 0.0)
+
+
+def test_the_largest_is_first_and_the_others_keep_their_numbers() -> None:
+    names = ComponentNames("world")
+    assert [n.number for n in names.name(estimate(("a", "b"), ("c",), ("d",)))] == [1, 2, 3]
+    # c joins the first; d keeps its topic.
+    assert [n.number for n in names.name(estimate(("a", "b", "c"), ("d",)))] == [1, 3]
+    # e is new and takes what is free.
+    assert [n.number for n in names.name(estimate(("a", "b", "c"), ("e",), ("d",)))] == [1, 2, 3]
+
+
+def test_a_component_that_becomes_the_largest_moves_to_the_first_topic() -> None:
+    names = ComponentNames("world")
+    names.name(estimate(("a",), ("b",), ("c",)))
+    found = names.name(estimate(("b", "c"), ("a",)))
+    assert [(n.number, n.frame) for n in found] == [(1, "world_b"), (2, "world")]
+
+
+def test_frames_are_the_world_or_called_after_the_anchor() -> None:
+    assert frame_of("world", "robot1", True) == "world"
+    assert frame_of("world", "fleet/robot1", False) == "world_fleet_robot1"
+    assert frame_of("map", "/", False) == "map_root"
+    assert [topic_of("map", n) for n in (1, 2)] == ["map", "map_2"]
+
+
+def test_every_frame_gets_one_parent() -> None:
+    links = [
+        link("a", "world", "map", (0, 0, 0), False),
+        link("b", "world", "map", (1, 0, 0), False),
+        link("c", "world", "c/map", (2, 0, 0), False),
+        link("d", "world", "", (3, 0, 0), False),
+        link("e", "world_e", "world", (0, 0, 0), False),
+    ]
+    found = plan(links, "tf_static", ["world", "world_e"], Others())
+    assert {t: [one.robot for one in some] for t, some in found.topics.items()} == {"/tf_static": ["a", "c"]}
+    assert set(found.problems) == {"b", "d", "e"}
+    assert "'a'" in found.problems["b"]
+    assert "frame_id" in found.problems["d"]
+    assert "world_frame" in found.problems["e"]
+
+
+def test_robots_with_trees_of_their_own_may_share_a_frame_name() -> None:
+    links = [link(name, "world", "map", (0, 0, 0), True) for name in ("a", "b")]
+    found = plan(links, "tf", ["world"], Others())
+    assert sorted(found.topics) == ["/a/tf", "/b/tf"]
+    assert found.problems == {}
+
+
+def test_leading_slashes_of_frames_are_dropped() -> None:
+    assert link("a", "world", "/a/map", (0, 0, 0), False).map_frame == "a/map"

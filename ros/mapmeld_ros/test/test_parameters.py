@@ -66,7 +66,7 @@ def test_confidence_counts_while_maps_grow_too(confidence: float, join: float) -
 
 def test_the_default_confidence_is_the_merge_s_own_probability() -> None:
     assert merge_options(Parameters()) == {}
-    assert default_config()["evidence"]["min_probability"] == pytest.approx(0.8)
+    assert default_config()["evidence"]["min_probability"] == pytest.approx(0.85)
 
 
 def test_a_config_file_comes_first_and_confidence_on_top(tmp_path) -> None:

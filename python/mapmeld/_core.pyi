@@ -37,7 +37,6 @@ class _Evidence(TypedDict):
     distinct_hits: float
     bending: float
     shared_floor: float
-    blocked_floor: float
     shared_length: float
     agreement: float
     second_direction: float

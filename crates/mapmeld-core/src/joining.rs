@@ -6,10 +6,11 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::local_map::LocalMap;
 use crate::merge::{judged, travel};
+use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::prior::Prior;
 use crate::result::{Known, Observer, Stage};
-use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
+use crate::virtual_robot::{Parts, VirtualRobot};
 
 /// One travel with the clusters as maps; none when no two of them join.
 pub(crate) fn join(

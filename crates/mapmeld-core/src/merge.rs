@@ -11,6 +11,7 @@ use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::joining;
 use crate::local_map::LocalMap;
+use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::perception::noise;
 use crate::prior;
@@ -18,7 +19,7 @@ use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::verdict;
-use crate::virtual_robot::{PairTable, VirtualRobot};
+use crate::virtual_robot::VirtualRobot;
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on

@@ -9,15 +9,15 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::local_map::LocalMap;
 use crate::merge;
+use crate::pair_table::PairTable;
 use crate::parallel;
-use crate::perception::{likelihood, Overlay, WallEvidence};
+use crate::perception::{placed, Overlay, WallEvidence};
 use crate::prior::{self, Prior};
 use crate::registration::pair::log_search_volume;
 use crate::registration::{climb, SAME_WORLD};
 use crate::result::{Known, Observer, Stage};
 use crate::se2::{Se2, Vec2};
 use crate::verdict::{self, Background};
-use crate::virtual_robot::PairTable;
 use nalgebra::Matrix3;
 
 /// Most places that the pairs propose beside those in question.
@@ -170,7 +170,7 @@ impl Weighing<'_> {
         let own = above.placed(self.maps, &Se2::IDENTITY);
         let top = if climbs { climb::climb_group(&placed, &own, x, most, p) } else { None };
         let x = top.unwrap_or(*x);
-        (x, likelihood::between(&placed, &above.placed(self.maps, &x), p))
+        (x, placed::between(&placed, &above.placed(self.maps, &x), p))
     }
 
     /// `T_base_moved` by the modes of every pair across, the likeliest first.

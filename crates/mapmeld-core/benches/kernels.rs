@@ -14,7 +14,7 @@ use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::pair_table::PairTable;
 use mapmeld_core::parallel;
 use mapmeld_core::perception::psi::Comparison;
-use mapmeld_core::perception::{gamma, placed, psi, Overlay};
+use mapmeld_core::perception::{gamma, likelihood, placed, psi, Overlay};
 use mapmeld_core::refine;
 use mapmeld_core::registration::{corners as corner_source, correlation, pair, segments};
 use mapmeld_core::se2::{Se2, Vec2};

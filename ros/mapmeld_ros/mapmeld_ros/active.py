@@ -96,9 +96,9 @@ class Active:
         self._estimation.stop()
         self._merging.stop()
 
-    def request_estimate(self) -> None:
-        """Estimates at once, taking the maps for done."""
-        self._estimation.request(now=True, maps_are_done=True)
+    def request_estimate(self, *, maps_are_done: bool) -> None:
+        """Estimates at once."""
+        self._estimation.request(now=True, maps_are_done=maps_are_done)
 
     def place_known(self, robot: str) -> None:
         """Takes the robot's known pose as its parameters have it now."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING
@@ -52,6 +53,7 @@ class Active:
         self._listeners: dict[str, RobotListener] = {}
         self._tree = Tree(node, session, publishing, lambda robot, said: self._warn((robot, "tf"), said))
         self._error = ""
+        self._estimate_lock = threading.Lock()
         self._settles: float | None = None
         # When a map changed last; none since the maps were taken for done.
         self._changed: float | None = time.monotonic()
@@ -206,7 +208,9 @@ class Active:
         self._merging.request()
 
     def _publish_estimate(self) -> None:
-        self._publishing.estimate(self._message())
+        # What is latched is what was known last, whichever thread publishes.
+        with self._estimate_lock:
+            self._publishing.estimate(self._message())
 
     def _message(self) -> MergeEstimate:
         known, p = self._session.known, self._node.parameters

@@ -83,6 +83,9 @@ class Active:
             self._listen(robot.name, robot.topic)
         self._publish_estimate()
         if session.is_settled:
+            # Known poses may have been set during the pause.
+            for robot in session.robots.all():
+                self.place_known(robot.name)
             self._estimation.request(now=True)
         elif session.grids():
             self._settles = time.monotonic()
@@ -107,7 +110,7 @@ class Active:
         try:
             self._session.place_known(robot)
         except BadKnownPose as error:
-            self._log.error(f"robot {robot!r}: {error}; its map is placed by its walls")
+            self._log.error(f"robot {robot!r}: {error}")
         self._estimation.request(now=True)
 
     def _tick(self) -> None:
@@ -138,7 +141,7 @@ class Active:
         try:
             self._session.settle()
         except BadKnownPose as error:
-            self._log.error(f"{error}; the walls place these robots")
+            self._log.error(str(error))
         self._estimation.request(now=True)
 
     def _discover(self, now: float) -> None:
@@ -190,7 +193,7 @@ class Active:
             )
             return
         except BadKnownPose as error:
-            self._log.error(f"robot {name!r}: {error}; its map is placed by its walls")
+            self._log.error(f"robot {name!r}: {error}")
             has_changed = True
         if has_changed:
             self._changed = time.monotonic()

@@ -64,8 +64,10 @@ class MapMerge(LifecycleNode):
         if not self.has_parameter(name):
             # What a file or the command line says of it takes effect when it is declared.
             self._is_declaring = True
-            self.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
-            self._is_declaring = False
+            try:
+                self.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
+            finally:
+                self._is_declaring = False
         return self.get_parameter(name).value
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:

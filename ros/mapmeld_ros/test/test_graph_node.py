@@ -22,6 +22,7 @@ from std_srvs.srv import Trigger
 import rooms
 from graph import Graph
 from mapmeld import Estimate, read_map
+from mapmeld.config import default_config
 from mapmeld_ros.node import MapMerge
 from mapmeld_ros.parameters import Parameters
 
@@ -163,6 +164,17 @@ def test_save_writes_all_files_or_none(graph: Graph, tmp_path: Path) -> None:
         parent, pose = tree[placed["frame"]]
         assert parent == result["components"][placed["component"]]["frame"]
         np.testing.assert_allclose(placed["T_component_map"], pose, atol=1e-9)
+    # All of it speaks of the same components, in the same frames.
+    assert {c["frame"]: c["is_world"] for c in result["components"]} == {
+        c.frame: c.is_world for c in graph.estimates[-1].components
+    }
+    maps = {m["name"]: m for m in result["maps"]}
+    assert result["probability"] == pytest.approx(maps["left"]["probability"] * maps["middle"]["probability"])
+    for placed in result["hypotheses"][0]["maps"]:
+        if placed["name"] in [c["reference"] for c in result["components"]]:
+            np.testing.assert_allclose(
+                placed["T_component_map"], maps[placed["name"]]["T_component_map"], atol=1e-9
+            )
 
     # Again over its own files, but not beside those of others.
     assert graph.call(SaveMaps, "/map_merge/save", folder=str(folder)).success
@@ -171,6 +183,10 @@ def test_save_writes_all_files_or_none(graph: Graph, tmp_path: Path) -> None:
     assert not refused.success
     assert "notes.txt" in refused.message
     assert graph.call(SaveMaps, "/map_merge/save", folder=str(folder), force=True).success
+    # What the operating system says is the answer.
+    refused = graph.call(SaveMaps, "/map_merge/save", folder="/proc/site")
+    assert not refused.success
+    assert "/proc/site: cannot be written" in refused.message
     refused = graph.call(SaveMaps, "/map_merge/save", folder="")
     assert "folder: is empty" in refused.message
 
@@ -243,7 +259,7 @@ def test_diagnostics_name_every_robot_and_what_is_wrong(graph: Graph) -> None:
     assert "info.resolution: -1.0" in robots["left"].message
     assert "no evidence" in robots["hall"].message
     values = {v.key: v.value for v in robots["middle"].values}
-    assert float(values["probability"]) > 0.8
+    assert float(values["probability"]) >= default_config()["evidence"]["min_probability"]
     assert values["topic"] == "/middle/map"
 
 

@@ -64,6 +64,17 @@ def test_robots_with_trees_of_their_own_may_share_a_frame_name() -> None:
     assert found.problems == {}
 
 
+def test_no_two_components_share_a_frame() -> None:
+    names = ComponentNames("world")
+    found = names.name(estimate(("a/b",), ("a_b",), world=""))
+    assert [n.frame for n in found] == ["world_a_b", "world_a_b_2"]
+    # And each keeps its own.
+    assert [n.frame for n in names.name(estimate(("a_b",), ("a/b",), world=""))] == [
+        "world_a_b_2",
+        "world_a_b",
+    ]
+
+
 def static(parent: str, child: str, x: float = 0.0) -> TFMessage:
     return TFMessage(transforms=[transform_message((x, 0.0, 0.0), parent, child, Time())])
 

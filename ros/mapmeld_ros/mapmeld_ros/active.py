@@ -229,6 +229,8 @@ class Active:
     def _publish_maps(self) -> None:
         names = self._session.known.names
         self._publishing.maps(self._session.merge(), {named.number for named in names}, self._node.stamp())
+        for frame, problem in self._session.merged.problems.items():
+            self._warn(("merge", frame), f"the merged map in {frame!r} is not up to date: {problem}")
 
     def _publish_diagnostics(self, now: float) -> None:
         self._publishing.diagnostics(

@@ -50,9 +50,7 @@ def known_pose(robot: str, get: Callable[[str], Any], sigma_xy: float, sigma_yaw
         if value is not None and not is_number:
             raise BadKnownPose(f"{parameter_name(robot, what)}: {value!r} is not a finite number")
         if value is not None and what in SIGMAS and value < 0:
-            raise BadKnownPose(
-                f"{parameter_name(robot, what)}: {value!r} is negative; give a standard deviation, or 0 for exact"
-            )
+            raise BadKnownPose(f"{parameter_name(robot, what)}: {value!r} is negative; 0 stands for exact")
     xy = sigma_xy if values["sigma_xy"] is None else float(values["sigma_xy"])
     yaw = sigma_yaw if values["sigma_yaw"] is None else float(values["sigma_yaw"])
     pose = (float(values["x"]), float(values["y"]), float(values["yaw"]))

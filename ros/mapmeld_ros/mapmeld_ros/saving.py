@@ -41,8 +41,8 @@ def save(
 
 
 def result_content(known: Known, files: Mapping[str, str], robots: tuple[Robot, ...]) -> dict[str, Any]:
-    """The keys of result.json as a replay writes them: hypotheses and probability are told in the frames and of
-    the places that are held.
+    """The keys of result.json as a replay writes them: hypotheses and probability are of the places that are
+    held, in their frames.
 
     files: the map file of a component's frame. `frame` and `is_world` are added to what docs/result.md
     describes.

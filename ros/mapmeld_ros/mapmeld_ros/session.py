@@ -117,8 +117,8 @@ class MergeSession:
             self.estimator.remove(name)
 
     def place_known(self, name: str) -> KnownPose | None:
-        """Tells the estimator the robot's known pose, if it has one and no user pinned it, or freed it from that
-        one.
+        """Tells the estimator the robot's known pose, if it has one and no user pinned the robot or freed it
+        from that one.
 
         Raises BadKnownPose, which says too what becomes of the robot: an earlier pose stays.
         """

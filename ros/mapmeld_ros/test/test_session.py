@@ -80,12 +80,14 @@ def test_a_bad_pose_says_what_becomes_of_the_robot() -> None:
     session = MergeSession(Parameters(), values.get)
     session.robots.join("hall", "/hall/map", 0.0)
     take(session, rooms.hall())
-    with pytest.raises(BadKnownPose, match="init_pose_yaw: is missing.*; its map is placed by its walls$"):
+    with pytest.raises(BadKnownPose, match=r"init_pose_yaw: is missing.*; its map is placed by its walls$"):
         session.settle()
     values |= init_pose(yaw=0.5)
     session.place_known("hall")
     assert status(session) == "pinned"
     values |= init_pose(sigma_xy=-1.0)
-    with pytest.raises(BadKnownPose, match="init_pose_sigma_xy: -1.0 is negative.*; its earlier pose stays$"):
+    with pytest.raises(
+        BadKnownPose, match=r"sigma_xy: -1\.0 is negative.*; its earlier pose stays$"
+    ):
         session.place_known("hall")
     assert status(session) == "pinned"

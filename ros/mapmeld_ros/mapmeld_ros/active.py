@@ -14,7 +14,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
 from mapmeld import Estimate
-from mapmeld_ros.checks import BadMessage
+from mapmeld.grid_message import BadMessage
 from mapmeld_ros.discovery import find_robots, in_namespace
 from mapmeld_ros.estimation import EstimationWorker
 from mapmeld_ros.known_poses import BadKnownPose

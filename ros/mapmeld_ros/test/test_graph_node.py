@@ -256,7 +256,7 @@ def test_diagnostics_name_every_robot_and_what_is_wrong(graph: Graph) -> None:
     }
     graph.wait("the levels", lambda: levels() == expected)
     robots = {s.hardware_id: s for s in said[-1].status}
-    assert "info.resolution: -1.0" in robots["left"].message
+    assert "info.resolution: must be a positive number of metres per cell, got -1" in robots["left"].message
     assert "no evidence" in robots["hall"].message
     values = {v.key: v.value for v in robots["middle"].values}
     assert float(values["probability"]) >= default_config()["evidence"]["min_probability"]

@@ -86,8 +86,6 @@ def test_a_bad_pose_says_what_becomes_of_the_robot() -> None:
     session.place_known("hall")
     assert status(session) == "pinned"
     values |= init_pose(sigma_xy=-1.0)
-    with pytest.raises(
-        BadKnownPose, match=r"sigma_xy: -1\.0 is negative.*; its earlier pose stays$"
-    ):
+    with pytest.raises(BadKnownPose, match=r"sigma_xy: -1\.0 is negative.*; its earlier pose stays$"):
         session.place_known("hall")
     assert status(session) == "pinned"

@@ -95,7 +95,7 @@ class Robots:
             frame = msg.header.frame_id
             if not frame and isinstance(msg, OccupancyGridUpdate):
                 frame = robot.frame
-            if robot.grid is not None and frame != robot.frame:
+            if robot.grid is not None and frame.strip("/") != robot.frame.strip("/"):
                 raise BadMessage(
                     "header.frame_id",
                     f"{frame!r}, was {robot.frame!r}; a robot's map frame cannot change while it is known",

@@ -103,7 +103,7 @@ def known() -> Robots:
     return robots
 
 
-@pytest.mark.parametrize("frame", ["robot/map", ""])
+@pytest.mark.parametrize("frame", ["robot/map", "", "/robot/map"])
 def test_an_update_replaces_its_part_only(frame: str) -> None:
     robots = known()
     before = robots.get("a").grid
@@ -113,7 +113,7 @@ def test_an_update_replaces_its_part_only(frame: str) -> None:
     np.testing.assert_array_equal(changed.data, expected)
     np.testing.assert_array_equal(before.data, np.arange(12).reshape(3, 4))
     assert robots.get("a").grid is changed
-    assert robots.get("a").frame == "robot/map"
+    assert robots.get("a").frame.lstrip("/") == "robot/map"
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,7 @@ def test_a_known_pose_may_change_while_the_node_runs(graph: Graph) -> None:
         parameters=[Parameter(name="/hall/map_merge/init_pose_x", value=value)],
     )
     assert answer.results[0].successful, answer
-    graph.wait("the new pose", lambda: graph.tree()["hall/map"][1] == (5.0, 2.0, 0.0))
+    graph.wait("the new pose", lambda: graph.tree().get("hall/map") == ("world", (5.0, 2.0, 0.0)))
 
 
 def test_a_known_pose_may_change_during_a_pause(graph: Graph) -> None:
@@ -146,7 +146,7 @@ def test_a_known_pose_may_change_during_a_pause(graph: Graph) -> None:
     assert answer.results[0].successful, answer
     go_on = Transition(id=Transition.TRANSITION_ACTIVATE)
     assert graph.call(ChangeState, service, transition=go_on).success
-    graph.wait("the new pose", lambda: graph.tree()["hall/map"][1] == (5.0, 2.0, 0.0))
+    graph.wait("the new pose", lambda: graph.tree().get("hall/map") == ("world", (5.0, 2.0, 0.0)))
 
 
 def test_pin_and_unpin(graph: Graph) -> None:

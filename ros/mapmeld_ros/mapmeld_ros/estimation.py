@@ -68,7 +68,8 @@ class EstimationWorker:
 
     def _run(self) -> None:
         while self._wait():
-            are_done, self._are_done = self._are_done, False
+            with self._condition:
+                are_done, self._are_done = self._are_done, False
             try:
                 estimate = self._estimator.estimate(self._progress, are_done)
                 self._patience = 1.0

@@ -82,6 +82,9 @@ def test_the_numbers_that_are_written_are_those_in_effect() -> None:
 
     said = descriptor("estimation_confidence").description
     assert re.findall(r"0\.\d+", said) == asked(1.0)
+    config = (Path(__file__).parents[1] / "config" / "map_merge.yaml").read_text()
+    (comment,) = re.findall(r"# How sure a link must be.*?estimation_confidence", config, re.DOTALL)
+    assert re.findall(r"0\.\d+", comment) == asked(1.0)
     docs = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text()
     (text,) = re.findall(r"^`estimation_confidence` was .*?\n\n", docs, re.DOTALL | re.MULTILINE)
     doubts = [f"{1 - Hold().join:.2g}", f"{1 - USUAL:.2g}"]

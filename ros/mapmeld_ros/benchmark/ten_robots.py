@@ -21,22 +21,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path[:0] = [
-    str(Path(__file__).resolve().parents[1] / "test"),
-    str(Path(__file__).resolve().parents[3] / "benchmarks"),
-]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
+
+from witness import WRONG_DEG, WRONG_M, Witness, robot
 
 import bench_cases
 import bench_report
 from graph import Fleet, Graph
 from robots_growth import Growth
-from witness import WRONG_DEG, WRONG_M, Witness, robot
 
 # Placements of a robot: its first, and one more.
 MOST_PLACEMENTS = 2
-# Growth of the node's memory over the last two thirds of the further updates that counts as flat, percent.
+# The node's memory is flat when it grows by no more from the second third of the further updates to the last.
 FLAT_PERCENT = 5.0
-# How long the node may take to answer an update, seconds; on a machine that does nothing else it is about one.
+# How long the node may take to answer an update, seconds; on a machine that does nothing else it takes one.
 _PATIENCE = 60.0
 
 
@@ -163,10 +162,10 @@ def _drop_maps(graph: Graph) -> None:
 
 def _report(stories: Sequence[Story], args: argparse.Namespace) -> str:
     limits = [
-        f"{args.steps} steps, one every {args.step_seconds:g} s; all robots grow at once, from places that the "
-        "seed draws. Node with default parameters.",
-        "*worst* is the largest error of any published transform or estimate between two robots of one frame, "
-        f"at any time; more than {WRONG_M:g} m or {WRONG_DEG:g} degrees is wrong.",
+        f"{args.steps} steps, one every {args.step_seconds:g} s; all robots grow at once, from places that "
+        "the seed draws. Node with default parameters.",
+        "*worst* is the largest error of any published transform or estimate between two robots of one "
+        f"frame, at any time; more than {WRONG_M:g} m or {WRONG_DEG:g} degrees is wrong.",
         "*components* after the last step, while maps might still grow, and *when done*, after quiet_time.",
         "*placed* is the largest number of placements of a robot.",
         "*estimate* is the node's time for one, while maps grew.",

@@ -132,7 +132,7 @@ def test_a_known_pose_may_change_while_the_node_runs(graph: Graph) -> None:
 
 
 def test_a_known_pose_gives_the_same_world_after_twenty_restarts(graph: Graph) -> None:
-    """Maps that are there before the node, in an order that each start draws anew."""
+    """Maps that are there before the node, and are heard in whatever order."""
     fleet = graph.fleet()
     pose = (3.0, -1.0, 0.5)
     for grid in rooms.building():

@@ -52,9 +52,9 @@ def test_values_that_make_no_sense_are_named(name: str, value: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("confidence", "probability"), [(0.0, 0.0), (2.0, 0.96), (3.0, 0.992), (0.5, 0.5528)]
+    ("confidence", "probability"), [(0.0, 0.0), (2.0, 0.9775), (3.0, 0.9966), (0.5, 0.6127)]
 )
-def test_confidence_shrinks_the_doubt_fivefold(confidence: float, probability: float) -> None:
+def test_the_doubt_is_taken_to_the_power_of_the_confidence(confidence: float, probability: float) -> None:
     options = merge_options(Parameters(estimation_confidence=confidence))
     assert options["evidence"]["min_probability"] == pytest.approx(probability, abs=1e-4)
 

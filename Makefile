@@ -20,9 +20,11 @@ $(VENV)/.tools: pyproject.toml
 	@touch $@
 
 # The package is editable: Python sources are used where they lie, the core is built in release mode.
+# The stamp has the time from before the build: what is edited meanwhile is built the next time.
 $(VENV)/.built: $(VENV)/.tools $(SOURCES)
+	@touch $(VENV)/.building
 	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(VENV)/bin/maturin develop --release --quiet --extras dev
-	@touch $@
+	@mv $(VENV)/.building $@
 
 demo: $(VENV)/.built
 	$(VENV)/bin/mapmeld demo -o demo_out

@@ -12,17 +12,23 @@ from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import mapmeld
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 
-def header(title: str, limits: Sequence[str] = ()) -> str:
-    """The head of a report: date, hardware, versions and command, and what the numbers do not say."""
+def header(title: str, limits: Sequence[str] = (), packages: Sequence[str] = ()) -> str:
+    """The head of a report: date, hardware, versions and command, and what the numbers do not say.
+
+    packages: further ones whose versions matter.
+    """
+    versions = [f"mapmeld {mapmeld.__version__} ({_commit()})", f"Python {platform.python_version()}"]
     rows = [
         ("date", datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")),
         ("CPU", f"{cpu_model()}; {usable_cores()} cores usable of {os.cpu_count()}"),
         ("load", f"{_load()} processes waited for a core on average in the minute before"),
         ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
-        ("versions", f"mapmeld {_version('mapmeld')} ({_commit()}), Python {platform.python_version()}"),
+        ("versions", ", ".join([*versions, *(f"{p} {_version(p)}" for p in packages)])),
         ("command", f"`{_command()}`"),
     ]
     text = f"# {title}\n\n" + table(("measured", ""), rows)
@@ -104,7 +110,9 @@ def _commit() -> str:
 def _command() -> str:
     """The command line, without where this machine keeps things."""
     args = [Path(a).name if os.path.isabs(a) else a for a in sys.argv[1:]]
-    return shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *args])
+    script = Path(sys.argv[0]).resolve()
+    inside = script.relative_to(REPOSITORY) if script.is_relative_to(REPOSITORY) else script.name
+    return shlex.join(["python", str(inside), *args])
 
 
 def _is_number(cell: str) -> bool:

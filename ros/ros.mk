@@ -6,7 +6,7 @@ ROS_PY := $(ROS_VENV)/bin/python
 ROS_INTERFACES := ros/test_interfaces/tf2_msgs ros/test_interfaces/map_msgs ros/mapmeld_msgs
 ROS_INTERFACE_FILES := $(foreach p,$(ROS_INTERFACES),$(wildcard $(p)/msg/* $(p)/srv/* $(p)/package.xml $(p)/CMakeLists.txt))
 
-.PHONY: ros ros-check ros-test ros-bench test-ros
+.PHONY: ros ros-check ros-test ros-bench ros-robots test-ros
 
 ros: $(ROS_VENV)/.ready
 
@@ -37,6 +37,9 @@ ros-test: $(ROS_VENV)/.ready
 
 ros-bench: $(ROS_VENV)/.ready
 	$(ROS_PY) ros/mapmeld_ros/benchmark/latency.py
+
+ros-robots: $(ROS_VENV)/.ready
+	$(ROS_PY) ros/mapmeld_ros/benchmark/ten_robots.py
 
 # What `make test` does: runs them where it can, and says so where it cannot.
 test-ros:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -355,3 +356,18 @@ def test_recorded_maps(shared_data: Path) -> None:
 
     centres = {p.stem: centre_of_known_cells(mapmeld.read_map(p)) for p in paths}
     assert evaluate(result.to_dict(), truth, centres).acceptance.holds  # type: ignore[arg-type]
+
+
+def test_a_forked_process_merges_too(merged: MergeResult) -> None:
+    """It has none of the threads that its parent has ready."""
+    process = multiprocessing.get_context("fork").Process(target=_merge_the_same, args=(merged,))
+    process.start()
+    process.join(60.0)
+    if process.is_alive():
+        process.kill()
+    assert process.exitcode == 0
+
+
+def _merge_the_same(merged: MergeResult) -> None:
+    again = mapmeld.merge(building(), seed=3, particles=40)
+    assert without_seconds(again) == without_seconds(merged)

@@ -25,7 +25,9 @@ from mapmeld import OccupancyGrid, read_map, se2
 from mapmeld.datasets import bundled
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 
+import bench_report
 from graph import Graph
 
 GOAL_P95_MS, GOAL_CORES = 250.0, 0.5
@@ -97,7 +99,7 @@ def measure(robots: int, size: int, seconds: float, folder: Path) -> tuple[list[
         graph.wait_map()
         graph.spin(5.0)
         placed = {r.robot: r.status for r in graph.estimates[-1].robots}
-        print(f"robots: {placed}")
+        bench_report.tell(f"robots: {placed}")
         started, used = time.monotonic(), processor_seconds(node.popen.pid)
         due = [started + 1.0 + k / robots * 0.83 for k in range(robots)]
         waiting: list[tuple[str, float, np.ndarray]] = []
@@ -138,13 +140,20 @@ def main() -> None:
         ms, cores, missing = measure(args.robots, args.size, args.seconds, Path(folder))
     p50, p95, worst = np.quantile(ms, [0.5, 0.95, 1.0])
     cells = f"{args.size} x {args.size} cells"
-    print(f"\n{args.robots} robots, {cells}, one update a second each, {len(ms)} updates\n")
-    print("| figure | measured | goal |\n| --- | --- | --- |")
-    print(f"| update to merged map, median | {p50:.0f} ms | |")
-    print(f"| update to merged map, p95 | {p95:.0f} ms | {GOAL_P95_MS:.0f} ms |")
-    print(f"| update to merged map, worst | {worst:.0f} ms | |")
-    print(f"| updates that did not show within 2 s | {missing} | 0 |")
-    print(f"| processor | {cores:.2f} cores | {GOAL_CORES} cores |")
+    limits = [
+        f"{args.robots} robots, {cells}, one update a second each, {len(ms)} updates. "
+        "Node with default parameters.",
+        "From before the message is made to when the merged map that shows it is here as an array.",
+    ]
+    rows = [
+        ("update to merged map, median", f"{p50:.0f} ms", ""),
+        ("update to merged map, p95", f"{p95:.0f} ms", f"{GOAL_P95_MS:.0f} ms"),
+        ("update to merged map, worst", f"{worst:.0f} ms", ""),
+        ("updates that did not show within 2 s", missing, "0"),
+        ("processor", f"{cores:.2f} cores", f"{GOAL_CORES} cores"),
+    ]
+    print(bench_report.header("Latency of the node", limits, ("ros-rclpy", "ros-fastdds")))
+    print(bench_report.table(("figure", "measured", "goal"), rows), end="")
 
 
 if __name__ == "__main__":

@@ -149,6 +149,29 @@ def test_a_known_pose_may_change_during_a_pause(graph: Graph) -> None:
     graph.wait("the new pose", lambda: graph.tree().get("hall/map") == ("world", (5.0, 2.0, 0.0)))
 
 
+def test_a_known_pose_gives_the_same_world_after_twenty_restarts(graph: Graph) -> None:
+    """Maps that are there before the node, and are heard in whatever order."""
+    fleet = graph.fleet()
+    pose = (3.0, -1.0, 0.5)
+    for grid in rooms.building():
+        graph.publish(fleet, grid)
+    trees = []
+    for k in range(20):
+        graph.estimates.clear()
+        graph.links["/tf_static"].clear()
+        node = graph.node(f"node{k}", **init_pose("right", *pose))
+        graph.wait_status(left="merged", middle="merged", right="pinned")
+        graph.wait("three transforms", lambda: len(graph.tree()) == 3)
+        assert_at(graph, "right", pose, 1e-6, 1e-6)
+        trees.append(graph.tree())
+        assert node.stop() == 0
+        graph.processes.remove(node)
+    for tree in trees:
+        for frame, (parent, found) in trees[0].items():
+            assert tree[frame][0] == parent == "world"
+            np.testing.assert_allclose(tree[frame][1], found, atol=0.02)
+
+
 def test_pin_and_unpin(graph: Graph) -> None:
     fleet = graph.fleet()
     graph.node()

@@ -256,3 +256,11 @@ def test_memory_stays_flat_over_many_updates() -> None:
     churn(120)
     # What one map and its pairs take is some megabytes: 120 of them would show.
     assert resident_mb() - before < 20
+
+
+@pytest.mark.parametrize("origin", [(2e8, 0.0, 0.0), (0.0, -1.1e8, 0.0)])
+def test_a_map_that_lies_too_far_off_is_refused_where_it_is_made(origin: tuple[float, float, float]) -> None:
+    """The core would refuse it, and with it every estimate of those that sent theirs."""
+    with pytest.raises(MapmeldError, match="map 'far': origin must lie within 1e\\+08 m"):
+        OccupancyGrid(LEFT.data, LEFT.resolution, origin, "far")
+    told(OccupancyGrid(LEFT.data, LEFT.resolution, (1e8, -1e8, 0.0), "far"), MIDDLE).estimate()

@@ -205,3 +205,31 @@ def test_a_blank_map_is_not_placed_by_what_is_known_of_it() -> None:
     estimator.pin("blank", (1.0, 1.0, 0.0))
     robot = estimator.estimate().robot("blank")
     assert (robot.status, robot.T_world_map) == ("blank", None)
+
+
+@pytest.mark.parametrize("far", [3e5, 3e8])
+def test_pins_too_far_apart_for_one_map_end_no_estimate(far: float) -> None:
+    estimator = told(LEFT, MIDDLE, hall())
+    estimator.pin("hall", (0.0, 0.0, 0.0))
+    estimator.pin("left", (far, 0.0, 0.0))
+    estimate = estimator.estimate(maps_are_done=True)
+    world = estimate.components[estimate.robot("left").component]
+    assert estimate.robot("middle").component == estimate.robot("left").component
+    assert set(world.names) == {"hall", "left", "middle"}
+    assert world.merged is None
+    assert "map" in world.problem
+    estimator.pin("left", (30.0, 0.0, 0.0))
+    (world,) = estimator.estimate(maps_are_done=True).components
+    assert world.problem is None
+    assert world.merged.width * world.merged.resolution > 30.0
+
+
+def test_what_a_prior_placed_may_go_and_come_back_as_another() -> None:
+    """Of a robot that left, nothing is known any more: who comes by its name has no prior."""
+    estimator = told(LEFT, hall())
+    estimator.set_prior("left", Prior(TRUTH["left"], (0.1, 0.1, 0.05)))
+    estimator.set_prior("hall", Prior((30.0, 0.0, 0.0), (0.1, 0.1, 0.05)))
+    assert len(estimator.estimate().components) == 1
+    estimator.remove("hall")
+    estimator.update(hall())
+    assert len(estimator.estimate().components) == 2

@@ -32,7 +32,7 @@ fn bits(m: &Merge) -> String {
             &m.placements,
             m.components
                 .iter()
-                .map(|c| (c.reference, &c.order, &c.steps, c.rms, &c.fused.grid))
+                .map(|c| (c.reference, &c.order, &c.steps, c.rms, c.fused.as_ref().map(|f| &f.grid)))
                 .collect::<Vec<_>>(),
             m.probability,
             &m.hypotheses,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mapmeld import _core, holding, linking, robots
 from mapmeld.admission import admitted
 from mapmeld.config import effective_config
+from mapmeld.covariances import covariances_in_frames
 from mapmeld.drawing import Drawing
 from mapmeld.errors import MapmeldError
 from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
@@ -159,7 +160,7 @@ class Estimator:
             components = tuple(self._component(h, known.grids) for h in held)
             self._drawings = {h.frame: self._drawings[h.frame] for h in held}
             centres = {n: c.centre for n, c in self._cells.items()}
-            self._covariances = _covariances(result, held, self._covariances)
+            self._covariances = covariances_in_frames(result, held, self._covariances)
             of_robot = tuple(
                 robots.tell(
                     m,
@@ -195,9 +196,14 @@ class Estimator:
 
     def _merge(self, known: _Known, progress: Progress | None, started: float) -> tuple[MergeResult, int]:
         """The merge of the maps as they are, its components in the frames of those that are held."""
-        first = sorted(self._held, key=lambda h: (not h.is_world, -len(h.poses)))
-        anchors = [h.anchor for h in first if h.anchor in h.poses]
-        references = [*anchors, *(n for n in known.grids if n not in anchors)]
+        arrival = list(known.grids)
+        # As Frames.follow chooses between anchors.
+        first = sorted(
+            (h for h in self._held if h.anchor in h.poses),
+            key=lambda h: (not h.is_world, -len(h.poses), arrival.index(h.anchor)),
+        )
+        anchors = [h.anchor for h in first]
+        references = [*anchors, *(n for n in arrival if n not in anchors)]
         found = self._session.merge(references, _priors(known), progress)
         seconds = {**found["seconds"], "merge": time.perf_counter() - started}
         result = result_of(found, self._session.names(), self._config, seconds)
@@ -276,31 +282,6 @@ def _priors(known: _Known) -> list[tuple[str, list[float], list[float] | None]]:
 
 def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
     return [(n, T.tolist()) for n, T in poses.items()]
-
-
-def _covariances(
-    result: MergeResult, held: Sequence[Held], before: Mapping[str, NDArray[np.float64]]
-) -> dict[str, NDArray[np.float64]]:
-    """Covariances relative to the anchors of what is held, in the world of priors as they are.
-
-    The merge tells them relative to its components' references. Of a robot that is held where the merge has
-    it apart from the anchor, the last that was told stands.
-    """
-    placed = {m.name: m for m in result.maps}
-    told: dict[str, NDArray[np.float64]] = {}
-    for h in held:
-        anchor = placed[h.anchor].component
-        for name in h.poses:
-            component = result.components[placed[name].component]
-            if not component.in_world and name == h.anchor:
-                covariance = np.zeros((3, 3))
-            elif component.in_world or placed[name].component == anchor or name not in before:
-                covariance = np.array(placed[name].covariance)
-            else:
-                covariance = np.array(before[name])
-            covariance.setflags(write=False)
-            told[name] = covariance
-    return told
 
 
 def _groups(result: MergeResult) -> list[Group]:

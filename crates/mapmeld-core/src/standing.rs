@@ -208,8 +208,13 @@ impl Weighing<'_> {
         let volume =
             |(m, _): &(usize, Se2)| log_search_volume(&self.maps[*m], &self.maps[moved[0].0]);
         let volume = base.iter().map(volume).fold(0.0, f64::max);
-        let odds = |x: &Se2| t_world_moved.fit(&t_world_base, x, &Matrix3::zeros(), volume);
-        Some(places.map(|(x, _)| odds(x).map_or(f64::NEG_INFINITY, |f| f.log_odds)).collect())
+        // Walls that speak against a place do not hold it, wherever the priors would have it: as when the robot
+        // travels.
+        let odds = |(x, e): &(Se2, WallEvidence)| {
+            let fit = t_world_moved.fit(&t_world_base, x, &Matrix3::zeros(), volume);
+            fit.filter(|_| e.log_likelihood > 0.0).map_or(f64::NEG_INFINITY, |f| f.log_odds)
+        };
+        Some(places.map(odds).collect())
     }
 
     /// The middle of some maps in their common frame.

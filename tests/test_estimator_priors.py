@@ -261,5 +261,8 @@ def test_the_frame_of_the_first_robot_and_that_of_the_priors_are_told_apart() ->
     assert given.robot("first").placements == 0
     assert given.robot("left").placements == before.robot("left").placements + 1
     again = estimator.estimate()
-    assert [c.merged is d.merged for c, d in zip(given.components, again.components, strict=True)] == [True, True]
+    assert [c.merged is d.merged for c, d in zip(given.components, again.components, strict=True)] == [
+        True,
+        True,
+    ]
     assert [r.placements for r in again.robots] == [r.placements for r in given.robots]

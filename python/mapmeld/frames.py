@@ -69,7 +69,9 @@ class Frames:
                 # It stays the frame of those that it was of; the world is another one from now on.
                 world = None
         placed = [
-            self._in_world(g, world, arrival) if g.in_world else self._placed(g, held, arrival, world_is_given)
+            self._in_world(g, world, arrival)
+            if g.in_world
+            else self._placed(g, held, arrival, world_is_given)
             for g in groups
         ]
         if world_is_given or any(h.is_world for h in placed):
@@ -105,7 +107,9 @@ def _is_lent(world: Held, given: Group, groups: Sequence[Group]) -> bool:
     anchor, or some robot is still where it was."""
     if not any(world.anchor in g.poses for g in groups if g is not given):
         return True
-    return any(np.allclose(T, world.poses[n], atol=MOST_NOISE) for n, T in given.poses.items() if n in world.poses)
+    return any(
+        np.allclose(T, world.poses[n], atol=MOST_NOISE) for n, T in given.poses.items() if n in world.poses
+    )
 
 
 def _left(held: Held, groups: Sequence[Group], arrival: Sequence[str]) -> Held | None:

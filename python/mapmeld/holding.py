@@ -162,7 +162,10 @@ def most_agreeing(
 
 
 def repinned(
-    held: Sequence[Held], groups: Sequence[Group], pins: Collection[str], centres: Mapping[str, Sequence[float]]
+    held: Sequence[Held],
+    groups: Sequence[Group],
+    pins: Collection[str],
+    centres: Mapping[str, Sequence[float]],
 ) -> set[str]:
     """Pinned robots that do not lie to the other pinned ones of their held component as they did.
 

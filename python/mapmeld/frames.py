@@ -14,11 +14,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mapmeld import se2
+from mapmeld import _core, se2
 from mapmeld.known_cells import KnownCells
 
 MOST_NOISE = 0.1
 """How far a refined pose may differ from the held one at most, metres, however uncertain it is."""
+
+ONE_PLACE = _core.SAME_WORLD
+"""Metres at the middle of a map's known cells, and radians, within which its poses are one place to a
+merge."""
 
 Pose = NDArray[np.float64]
 """(x, y, theta), metres and radians."""
@@ -69,7 +73,9 @@ class Frames:
                 # It stays the frame of those that it was of; the world is another one from now on.
                 world = None
         placed = [
-            self._in_world(g, world, arrival) if g.in_world else self._placed(g, held, arrival, world_is_given)
+            self._in_world(g, world, arrival)
+            if g.in_world
+            else self._placed(g, held, arrival, world_is_given)
             for g in groups
         ]
         if world_is_given or any(h.is_world for h in placed):
@@ -105,7 +111,9 @@ def _is_lent(world: Held, given: Group, groups: Sequence[Group]) -> bool:
     anchor, or some robot is still where it was."""
     if not any(world.anchor in g.poses for g in groups if g is not given):
         return True
-    return any(np.allclose(T, world.poses[n], atol=MOST_NOISE) for n, T in given.poses.items() if n in world.poses)
+    return any(
+        np.allclose(T, world.poses[n], atol=MOST_NOISE) for n, T in given.poses.items() if n in world.poses
+    )
 
 
 def _left(held: Held, groups: Sequence[Group], arrival: Sequence[str]) -> Held | None:
@@ -165,3 +173,9 @@ def apart(a: Pose, b: Pose, at: Sequence[float]) -> tuple[float, float]:
     """Metres at a point of the map, and radians, between two poses of it."""
     p, q = se2.apply(a, np.asarray(at)), se2.apply(b, np.asarray(at))
     return math.hypot(*(p - q)), abs(se2.wrap(a[2] - b[2]))
+
+
+def is_one_place(a: Pose, b: Pose, centre: Sequence[float]) -> bool:
+    """Whether two poses of a map are one place to a merge. centre: of its known cells."""
+    metres, radians = apart(a, b, centre)
+    return metres <= ONE_PLACE[0] and radians <= ONE_PLACE[1]

@@ -72,7 +72,8 @@ class OccupancyGrid:
             raise MapmeldError(f"{label}: origin must be three finite numbers (x, y, theta), got {pose}")
         if max(abs(pose[0]), abs(pose[1])) > _MOST_ORIGIN_M:
             raise MapmeldError(
-                f"{label}: origin must lie within {_MOST_ORIGIN_M:g} m of the map frame, got {pose}; move the frame"
+                f"{label}: origin must lie within {_MOST_ORIGIN_M:g} m of the map frame, got {pose}; "
+                "move the frame"
             )
         cells = np.array(array, dtype=np.int8, order="C", copy=True)
         cells.setflags(write=False)

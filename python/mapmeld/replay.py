@@ -14,7 +14,6 @@ from mapmeld.estimator import Estimator
 from mapmeld.grid import OccupancyGrid
 from mapmeld.map_inputs import BagTopic
 
-
 _QUIET_NS = 20 * 10**9
 """Without a changed map for so long, maps count as done: a node's quiet_time by default."""
 
@@ -84,9 +83,8 @@ class Replay:
     def __iter__(self) -> Iterator[Moment]:
         latest = due = self._start
         for nanoseconds, robot, message in self._messages():
-            if self._pending and nanoseconds > due:
-                if self._take_pending(latest):
-                    yield self._estimate(latest)
+            if self._pending and nanoseconds > due and self._take_pending(latest):
+                yield self._estimate(latest)
             if not self._pending:
                 if self._changed is not None and nanoseconds > self._changed + _QUIET_NS:
                     yield from self._rested(self._changed + _QUIET_NS)

@@ -18,7 +18,8 @@ def covariances_in_frames(
     """Covariances relative to the anchors of what is held, in the world of priors as they are;
     along the axes of the frames.
 
-    The merge tells them relative to its components' references and along the axes of these. Of a robot that is
+    The merge tells them relative to its components' references and along the axes of these. Of a robot
+    that is
     held where the merge has it apart from the anchor, the last that was told stands.
     """
     placed = {m.name: m for m in result.maps}

@@ -8,6 +8,7 @@ import pytest
 import mapmeld
 import rooms
 from mapmeld import MapmeldError, OccupancyGrid, se2
+from mapmeld.grid import FREE, UNKNOWN
 
 
 def test_every_wall_lies_where_its_pose_puts_it() -> None:
@@ -58,3 +59,31 @@ def test_what_cannot_be_fused_is_named(
 ) -> None:
     with pytest.raises(MapmeldError, match=words):
         mapmeld.fuse(placed)
+
+
+@pytest.mark.parametrize("rule", ["log_odds", "max", "latest"])
+def test_every_cell_of_a_merged_map_tells_which_map_it_is_from(rule: str) -> None:
+    result = mapmeld.merge(rooms.building(), seed=3, particles=40, config={"fuse": {"rule": rule}})
+    component = result.components[0]
+    merged, sources, conflicts = component.merged, component.provenance, component.conflicts
+    assert merged is not None
+    assert sources is not None
+    assert conflicts is not None
+    assert sources.shape == conflicts.shape == merged.data.shape
+    assert np.array_equal(sources == -1, merged.data == UNKNOWN)
+    assert set(np.unique(sources)) == {-1, *range(len(component.order))}
+    assert conflicts.sum() == component.conflict_cells
+    assert not conflicts[merged.data == UNKNOWN].any()
+    # What a cell is said to be from shows the same there, up to a wall that two maps have a cell apart.
+    maps = {m.name: m for m in rooms.building()}
+    poses = {m.name: m.T_component_map for m in result.maps}
+    for k, name in enumerate(component.order):
+        rows, cols = np.nonzero((sources == k) & (merged.data == FREE))
+        points = se2.apply(se2.inverse(poses[name]), merged.cell_centers(rows, cols))
+        own = maps[name]
+        local = se2.apply(se2.inverse(np.array(own.origin)), points)
+        c, r = (np.floor(local / own.resolution).astype(int)).T
+        inside = (r >= 0) & (c >= 0) & (r < own.height) & (c < own.width)
+        values = own.data[r[inside], c[inside]]
+        assert inside.mean() > 0.99
+        assert (values == UNKNOWN).mean() < 0.01

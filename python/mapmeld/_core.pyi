@@ -100,6 +100,8 @@ class _Component(TypedDict):
     data: NDArray[np.int8] | None
     resolution: NotRequired[float]
     origin: NotRequired[list[float]]
+    sources: NotRequired[NDArray[np.int32]]
+    disputed: NotRequired[NDArray[np.bool_]]
     reference: int
     in_world: bool
     order: list[int]

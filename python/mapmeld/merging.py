@@ -159,6 +159,8 @@ def result_of(
             shared_cells=c["shared_cells"],
             conflict_cells=c["conflict_cells"],
             in_world=c["in_world"],
+            provenance=_frozen(c.get("sources")),
+            conflicts=_frozen(c.get("disputed")),
         )
         for k, c in enumerate(found["components"])
     ]
@@ -234,6 +236,12 @@ def _mode(m: _core._Mode) -> Mode:
         second_direction=m["second_direction"],
         source=m["source"],
     )
+
+
+def _frozen(layer: NDArray[Any] | None) -> NDArray[Any] | None:
+    if layer is not None:
+        layer.setflags(write=False)
+    return layer
 
 
 def _array(values: Any) -> NDArray[np.float64]:

@@ -117,9 +117,12 @@ class Component:
     rms_m: root mean square of the walls' residuals after the joint refinement, metres; None for a single
         map.
     merged: the fused map, None when the component is one blank map or, in an Estimate, too large to draw.
-        shared_cells: cells that more than one map knows; conflict_cells: those that one of them shows
-        occupied and another, whose own
-        walls are farther than a cell away, free. None where nobody counted, as after a replay.
+    shared_cells: cells that more than one map knows; conflict_cells: those that one of them shows occupied
+        and another, whose own walls are farther than a cell away, free. None where nobody counted, as after
+        a replay.
+    provenance: int32, of the shape of `merged.data`: for each cell the index into `order` of the first map
+        that shows what the merged map shows there, -1 where no map knows it. conflicts: bool, of the same
+        shape: the conflict_cells. Both None where there is no merged map or nobody counted.
     in_world: the frame is not that of `reference` but the world of priors, which an Estimator is told of.
     """
 
@@ -130,6 +133,8 @@ class Component:
     shared_cells: int | None
     conflict_cells: int | None
     in_world: bool = False
+    provenance: NDArray[np.int32] | None = None
+    conflicts: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,11 @@ pub struct Fused {
     pub conflicts: usize,
     /// Cells that two maps or more know.
     pub shared: usize,
+    /// Of each cell, the place in the list of the first map that shows what the merged map shows there; none
+    /// where no map knows it.
+    pub sources: Vec<Option<u16>>,
+    /// Of each cell, whether it is one of `conflicts`.
+    pub disputed: Vec<bool>,
 }
 
 /// Fuses grids placed at `T_world_map`, in their order: by log-odds the first draws a wall that several show
@@ -59,7 +64,7 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
     let walls = parallel::map(placed, |(g, t)| forward_walls(g, t, &frame));
     let rows: Vec<usize> = (0..height).collect();
     let lines = parallel::map(&rows, |row| {
-        let mut line = Line { cells: vec![UNKNOWN; width], conflicts: 0, shared: 0 };
+        let mut line = Line::new(width);
         let mut seen: Vec<Class> = Vec::with_capacity(placed.len());
         let mut votes: Vec<(usize, Class)> = Vec::with_capacity(placed.len());
         let locators: Vec<_> = placed.iter().map(|(g, t)| g.locator_from(&t.inverse())).collect();
@@ -78,6 +83,7 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
                     votes.push((k, class));
                 }
             }
+            let as_seen = (config.rule != FuseRule::LogOdds).then(|| votes.clone());
             if seen.contains(&Class::Occupied) && seen.contains(&Class::Free) {
                 make_one(&mut votes, |k| walls[k].is_beside(*row, col, width, height));
             }
@@ -88,21 +94,29 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
             let disputed = votes.iter().any(|(_, c)| *c == Class::Occupied)
                 && votes.iter().any(|(_, c)| *c == Class::Free);
             let occupied = seen.iter().filter(|c| **c == Class::Occupied).count();
-            line.conflicts += usize::from(disputed);
+            line.disputed[col] = disputed;
             line.shared += usize::from(seen.len() > 1);
-            line.cells[col] = combine(&seen, occupied, config.rule);
+            let drawn = combine(&seen, occupied, config.rule);
+            line.cells[col] = drawn;
+            let shows_it = |(_, c): &&(usize, Class)| *c == class_of(drawn);
+            let told = as_seen.as_ref().unwrap_or(&votes);
+            line.sources[col] = told.iter().find(shows_it).map(|(k, _)| *k as u16);
         }
         line
     });
     let mut cells = Vec::with_capacity(width * height);
-    let (mut conflicts, mut shared) = (0, 0);
+    let mut sources = Vec::with_capacity(width * height);
+    let mut disputed = Vec::with_capacity(width * height);
+    let mut shared = 0;
     for line in lines {
         cells.extend_from_slice(&line.cells);
-        conflicts += line.conflicts;
+        sources.extend_from_slice(&line.sources);
+        disputed.extend_from_slice(&line.disputed);
         shared += line.shared;
     }
     let grid = OccupancyGrid::new(name, width, height, resolution, origin, cells)?;
-    Ok(Fused { grid, conflicts, shared })
+    let conflicts = disputed.iter().filter(|d| **d).count();
+    Ok(Fused { grid, conflicts, shared, sources, disputed })
 }
 
 /// Makes one of walls that lie within a cell of each other. A wall is drawn by the first map that shows it: a
@@ -124,10 +138,23 @@ fn make_one(votes: &mut [(usize, Class)], is_beside: impl Fn(usize) -> bool) {
     }
 }
 
+/// One row of the layers.
 struct Line {
     cells: Vec<i8>,
-    conflicts: usize,
+    sources: Vec<Option<u16>>,
+    disputed: Vec<bool>,
     shared: usize,
+}
+
+impl Line {
+    fn new(width: usize) -> Self {
+        Self {
+            cells: vec![UNKNOWN; width],
+            sources: vec![None; width],
+            disputed: vec![false; width],
+            shared: 0,
+        }
+    }
 }
 
 fn combine(seen: &[Class], occupied: usize, rule: FuseRule) -> i8 {

@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--cases", nargs="+", metavar="CASE", help="names; all of the issue without it")
+    parser.add_argument("--cases", nargs="+", metavar="CASE", help="names; all without it")
     parser.add_argument("--seeds", type=int, help="seeds 1, 2, ..; 20 of mazes and 3 of buildings without it")
     parser.add_argument("--particles", type=int, default=100)
     parser.add_argument("--threads", type=int, help="all cores without it")

@@ -19,7 +19,7 @@ _LITTLE_WALL = 8.0
 
 LEGEND = """
 *probability* and *log-likelihood* (nats): of the best mode of the two maps alone; *chance*: the most that the
-mirror image or the second mode reaches; *conflicts*: walls in the other map's free space, of those that it
+mirror image or another place reaches; *conflicts*: walls in the other map's free space, of those that it
 tells of. Numbers are those of the pictures (`--failures`).
 """
 
@@ -37,13 +37,13 @@ def distinct(rows: Sequence[Row]) -> list[Row]:
     return sorted(found.values(), key=lambda r: (-r["walls"], *trust_tables.pair_key(r)))
 
 
-def evidence(told: Row, rank: int | None) -> Row:
-    """What a row keeps of a pair of the result (docs/result.md); rank: of the first right mode."""
-    runner_up = (told.get("runner_up") or {}).get("log_likelihood") or 0.0
+def evidence(told: Row, rank: int | None, rival: float) -> Row:
+    """What a row keeps of a pair of the result (docs/result.md); rank: of the first right mode; rival: the
+    log-likelihood of the best other place."""
     kept = {
         k: told.get(k) for k in ("log_likelihood", "hits", "opposed", "conflicts", "shared_length", "modes")
     }
-    chance = max(runner_up, told.get("decoy_log_likelihood") or 0.0)
+    chance = max(rival, told.get("decoy_log_likelihood") or 0.0)
     return {**kept, "chance": chance, "rank": rank}
 
 

@@ -24,6 +24,8 @@ from trust_cases import MapPair
 
 Row = dict[str, Any]
 """JSON values by name."""
+ANOTHER_PLACE_M = 1.0
+"""How far a map lies from its best place when that is another one."""
 
 
 def pair_facts(pair: MapPair) -> Row:
@@ -83,13 +85,26 @@ class PairMerge:
             "probability": told["probability"],
             "mode_probability": best.get("probability"),
             "mode_right": seen is not None and seen.right,
-            "evidence": trust_failures.evidence(best, rank),
+            "evidence": trust_failures.evidence(best, rank, self._rival(result)),
             "nees": None if right is None else trust_score.nees(result, right),
             "T_found": trust_score.rounded(T),
             "T_mode": trust_score.rounded(mode_T),
             "seconds": seconds,
             "cpu": cpu,
         }
+
+    def _rival(self, result: mapmeld.MergeResult) -> float:
+        """The most that another place than the best mode's reaches, nats."""
+        modes = [m for p in result.pairs for m in p.modes]
+        if not modes:
+            return 0.0
+        centre = trust_cases.centre(self.pair.b.path)
+        away = [
+            m.log_likelihood
+            for m in modes
+            if trust_score.judge(m.T_a_b, modes[0].T_a_b, 0.0, centre, 0.0).error_m > ANOTHER_PLACE_M
+        ]
+        return max(away, default=0.0)
 
 
 @dataclass(frozen=True)

@@ -446,9 +446,7 @@ def test_without_the_library(tmp_path: Path) -> None:
     run = subprocess.run(
         [sys.executable, "-c", code, "merge", str(bag), "--json", "-"], capture_output=True, text=True
     )
-    assert_refused(
-        (run.returncode, run.stdout, run.stderr), str(bag), "rosbags", "pip install 'mapmeld[bags]'"
-    )
+    assert_refused((run.returncode, run.stdout, run.stderr), str(bag), "rosbags", "pip install rosbags")
     files: Sequence[str] = save(tmp_path / "maps", [LEFT, MIDDLE])
     run = subprocess.run([sys.executable, "-c", code, "merge", *files, "--json", "-"], capture_output=True)
     assert run.returncode == 0

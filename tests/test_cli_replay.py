@@ -17,6 +17,7 @@ import pytest
 
 from bags import FORMATS, START, Record, bag_path, grid_record, text_record, update_record, write_bag
 from mapmeld import OccupancyGrid, read_map, se2
+from mapmeld.drawing import Drawing
 from mapmeld.estimate import EstimatedComponent
 from mapmeld.estimator import Estimator
 from mapmeld.map_inputs import choose_robots, open_bags
@@ -325,7 +326,7 @@ def test_an_arrangement_that_the_merge_did_not_find(tmp_path: Path) -> None:
         estimator.update(grid)
     estimate = estimator.estimate()
     (together,) = estimate.components
-    alone = EstimatedComponent(("right",), "right", False, building()[2])
+    alone = EstimatedComponent(("right",), "right", False, Drawing([(building()[2], (0.0, 0.0, 0.0))], {}))
     robots = [
         dataclasses.replace(r, component=1, T_world_map=np.zeros(3), status="no evidence")
         if r.name == "right"

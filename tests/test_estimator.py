@@ -13,6 +13,8 @@ import pytest
 
 import mapmeld
 from mapmeld import Estimate, Estimator, MapmeldError, OccupancyGrid, se2
+from mapmeld.covariances import covariances_in_frames
+from mapmeld.frames import Held
 from rooms import TRUTH, building, hall, view
 
 LEFT, MIDDLE, RIGHT = building()
@@ -256,3 +258,35 @@ def test_memory_stays_flat_over_many_updates() -> None:
     churn(120)
     # What one map and its pairs take is some megabytes: 120 of them would show.
     assert resident_mb() - before < 20
+
+
+@pytest.mark.parametrize("origin", [(2e8, 0.0, 0.0), (0.0, -1.1e8, 0.0)])
+def test_a_map_that_lies_too_far_off_is_refused_where_it_is_made(origin: tuple[float, float, float]) -> None:
+    """The core would refuse it, and with it every estimate of those that sent theirs."""
+    with pytest.raises(MapmeldError, match="map 'far': origin must lie within 1e\\+08 m"):
+        OccupancyGrid(LEFT.data, LEFT.resolution, origin, "far")
+    told(OccupancyGrid(LEFT.data, LEFT.resolution, (1e8, -1e8, 0.0), "far"), MIDDLE).estimate()
+
+
+def test_a_zero_covariance_is_the_anchors_alone() -> None:
+    """Of two single robots that are linked, the one that came first is the anchor, whatever they are called."""
+    y = OccupancyGrid(LEFT.data, LEFT.resolution, LEFT.origin, "y")
+    estimator = told(hall("z"), y, hall("x"))
+    estimator.estimate()
+    estimator.update(OccupancyGrid(MIDDLE.data, MIDDLE.resolution, MIDDLE.origin, "x"))
+    estimate = estimator.estimate(maps_are_done=True)
+    (linked,) = (c for c in estimate.components if set(c.names) == {"x", "y"})
+    assert linked.anchor == "y"
+    assert not estimate.robot("y").covariance.any()
+    assert (np.diag(estimate.robot("x").covariance) > 0).all()
+
+
+def test_a_covariance_is_told_relative_to_an_anchor_that_is_not_the_merges_reference() -> None:
+    """Two maps: how far one is off seen from the other is how far the other is off seen from it."""
+    seen = {name: mapmeld.merge([LEFT, MIDDLE], reference=name) for name in ("left", "middle")}
+    poses = {m.name: m.T_component_map for m in seen["middle"].maps}
+    held = Held(0, "middle", True, poses)
+    told_anew = covariances_in_frames(seen["left"], [held], {})
+    assert not told_anew["middle"].any()
+    (expected,) = (m.covariance for m in seen["middle"].maps if m.name == "left")
+    assert np.allclose(told_anew["left"], expected, rtol=0.1, atol=1e-7)

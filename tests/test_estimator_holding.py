@@ -10,7 +10,7 @@ import pytest
 from mapmeld import Estimate, Estimator, Hold, OccupancyGrid, se2
 from mapmeld.admission import admitted
 from mapmeld.frames import Group, Held
-from mapmeld.holding import Answer, Poses, units
+from mapmeld.holding import Answer, Poses, repinned, units
 from mapmeld.linking import joined
 from mapmeld.simulate import SimulateOptions, simulate
 from rooms import TRUTH, building, hall, view
@@ -83,15 +83,91 @@ def test_another_place_takes_over_when_it_is_clearly_better(held: float, new: fl
 
 
 def test_a_place_that_is_the_held_one_refined_is_followed() -> None:
+    """It is the link that was held, so nobody asks for it to be as clear as a new one."""
     refined = [Group({"a": at(0), "b": at(5), "c": at(9.3)})]
-    assert parts(refined, Witness(0.9, 0.9, same=True)) == [{"a", "b"}, {"c"}]
+    witness = Witness(0.9, 0.9, same=True)
+    kept = units(HELD, refined, (), CENTRES, Hold(), witness)
+    found, unclear = admitted(refined, kept, (), (), CENTRES, Hold(), 0.99, witness)
+    (group,) = joined(found, kept, (), CENTRES, Hold())
+    assert {n: T.round(9).tolist() for n, T in group.poses.items()} == {
+        "a": [0, 0, 0],
+        "b": [5, 0, 0],
+        "c": [9.3, 0, 0],
+    }
+    assert unclear == {}
+
+
+def test_a_refined_place_that_does_not_stand_is_asked_for_like_a_new_one() -> None:
+    refined = [Group({"a": at(0), "b": at(5), "c": at(9.3)})]
+    assert parts(refined, Witness(0.4, 0.4, same=True)) == [{"a", "b"}, {"c"}]
+
+
+def test_what_the_merge_leaves_alone_is_held_by_what_is_held_to_it() -> None:
+    torn = [Group({"a": at(0)}), Group({"b": at(0)})]
+    held = [Held(0, "a", True, {"a": at(0), "b": at(5)})]
+    (unit,) = units(held, torn, (), CENTRES, Hold(), Witness(0.7))
+    assert unit.against == {"a": 0.7, "b": 0.7}
+    # One that the merge has among others stands by these.
+    others = [Group({"a": at(0), "d": at(3)}), Group({"b": at(0)})]
+    unit, _ = units(held, others, (), CENTRES, Hold(), Witness(0.7))
+    assert unit.against == {"b": 0.7}
+
+
+def test_what_is_held_to_a_pin_stays_with_it_and_the_pin_stays_exact() -> None:
+    """The merge has the two others elsewhere to the pinned one, which is not clear enough."""
+    groups = [Group({"a": at(0), "b": at(5, 3), "c": at(9, 3)}, in_world=True)]
+    witness = Witness(0.6, 0.3)
+    kept = units(HELD, groups, (), CENTRES, Hold(), witness)
+    found, _ = admitted(groups, kept, {"a"}, {"a"}, CENTRES, Hold(), 0.99, witness)
+    (group,) = joined(found, kept, {"a"}, CENTRES, Hold())
+    assert {n: T.round(9).tolist() for n, T in group.poses.items()} == {
+        "a": [0, 0, 0],
+        "b": [5, 0, 0],
+        "c": [9, 0, 0],
+    }
+    assert group.poses["a"].tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("pinned", "moved"),
+    [
+        ({"a": at(0), "b": at(5)}, set()),
+        ({"a": at(7)}, set()),
+        ({"a": at(0), "b": at(5.1)}, {"b"}),
+        ({"a": at(0, 1), "b": at(5)}, {"a"}),
+        ({"a": at(0), "b": at(5), "c": at(9, 1)}, {"c"}),
+    ],
+)
+def test_a_pin_that_moves_against_others_is_held_no_more(
+    pinned: dict[str, np.ndarray], moved: set[str]
+) -> None:
+    world = Group(pinned, in_world=True)
+    assert repinned(HELD, [world], pinned.keys(), CENTRES) == moved
+
+
+def test_a_link_to_a_pinned_robot_stays_while_its_maps_stay() -> None:
+    """It is clear enough for maps that are done, and not for a new link while they grow."""
+    estimator = Estimator()
+    estimator.update(LEFT)
+    estimator.update(view("middle", (3.5, 6.25), TRUTH["middle"]))
+    estimator.pin("left", TRUTH["left"])
+    estimates = [estimator.estimate(maps_are_done=done) for done in (True, False, False, True, False)]
+    assert 0.85 < estimates[0].result.pairs[0].probability < 0.99
+    assert [len(e.components) for e in estimates] == [1, 1, 1, 1, 1]
+    assert estimates[-1].robot("middle").placements == 1
+    # A pin that moves takes along what is linked to it.
+    estimator.pin("left", (TRUTH["left"][0] + 5.0, *TRUTH["left"][1:]))
+    after = estimator.estimate()
+    assert len(after.components) == 1
+    moved = after.robot("middle").T_world_map - estimates[-1].robot("middle").T_world_map
+    assert np.allclose(moved, at(5.0), atol=0.05)
 
 
 def test_groups_are_joined_across_what_is_held() -> None:
     """The merge has c apart, with d beside it: as c is held to a and b, d comes along."""
     groups = [Group({"a": at(0), "b": at(5)}), Group({"c": at(1), "d": at(3)})]
     kept = units(HELD, groups, (), CENTRES, Hold(), Witness(0.9))
-    (group,) = joined(groups, kept, CENTRES, Hold())
+    (group,) = joined(groups, kept, (), CENTRES, Hold())
     assert {n: T.round(9).tolist() for n, T in group.poses.items()} == {
         "a": [0, 0, 0],
         "b": [5, 0, 0],
@@ -104,7 +180,7 @@ def test_groups_are_joined_across_what_is_held() -> None:
 def test_a_new_link_is_told_when_it_is_clear(probability: float, told: bool) -> None:
     groups = [Group({"a": at(0), "b": at(5)})]
     alone = units([], groups, (), CENTRES, Hold(), Witness())
-    found, unclear = admitted(groups, alone, (), CENTRES, Hold(), 0.98, Witness(probability))
+    found, unclear = admitted(groups, alone, (), (), CENTRES, Hold(), 0.98, Witness(probability))
     assert [set(g.poses) for g in found] == ([{"a", "b"}] if told else [{"a"}, {"b"}])
     assert unclear == ({} if told else {"a": 0.9, "b": 0.9})
 
@@ -112,7 +188,7 @@ def test_a_new_link_is_told_when_it_is_clear(probability: float, told: bool) -> 
 def test_what_priors_place_is_not_asked_for_clear_walls() -> None:
     groups = [Group({"a": at(0), "b": at(5), "c": at(9)}, in_world=True)]
     alone = units([], groups, (), CENTRES, Hold(), Witness())
-    found, _ = admitted(groups, alone, {"b", "c"}, CENTRES, Hold(), 0.98, Witness(0.9))
+    found, _ = admitted(groups, alone, {"b", "c"}, (), CENTRES, Hold(), 0.98, Witness(0.9))
     assert [(set(g.poses), g.in_world) for g in found] == [({"b", "c"}, True), ({"a"}, False)]
 
 

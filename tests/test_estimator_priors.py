@@ -205,3 +205,64 @@ def test_a_blank_map_is_not_placed_by_what_is_known_of_it() -> None:
     estimator.pin("blank", (1.0, 1.0, 0.0))
     robot = estimator.estimate().robot("blank")
     assert (robot.status, robot.T_world_map) == ("blank", None)
+
+
+@pytest.mark.parametrize("far", [3e5, 3e8])
+def test_pins_too_far_apart_for_one_map_end_no_estimate(far: float) -> None:
+    estimator = told(LEFT, MIDDLE, hall())
+    estimator.pin("hall", (0.0, 0.0, 0.0))
+    estimator.pin("left", (far, 0.0, 0.0))
+    estimate = estimator.estimate(maps_are_done=True)
+    world = estimate.components[estimate.robot("left").component]
+    assert estimate.robot("middle").component == estimate.robot("left").component
+    assert set(world.names) == {"hall", "left", "middle"}
+    assert world.merged is None
+    assert "map" in world.problem
+    estimator.pin("left", (30.0, 0.0, 0.0))
+    (world,) = estimator.estimate(maps_are_done=True).components
+    assert world.problem is None
+    assert world.merged.width * world.merged.resolution > 30.0
+
+
+def test_what_a_prior_placed_may_go_and_come_back_as_another() -> None:
+    """Of a robot that left, nothing is known any more: who comes by its name has no prior."""
+    estimator = told(LEFT, hall())
+    estimator.set_prior("left", Prior(TRUTH["left"], (0.1, 0.1, 0.05)))
+    estimator.set_prior("hall", Prior((30.0, 0.0, 0.0), (0.1, 0.1, 0.05)))
+    assert len(estimator.estimate().components) == 1
+    estimator.remove("hall")
+    estimator.update(hall())
+    assert len(estimator.estimate().components) == 2
+
+
+def test_covariances_are_told_along_the_axes_of_the_frame() -> None:
+    """The world stays turned when the pin that turned it is forgotten, and what is known stays along its axes."""
+    estimator = told(LEFT, MIDDLE, RIGHT)
+    estimator.pin("left", (0.0, 0.0, math.pi / 2))
+    pinned = estimator.estimate(maps_are_done=True)
+    estimator.unpin("left")
+    free = estimator.estimate(maps_are_done=True)
+    assert free.components[0].is_world
+    for name in ("middle", "right"):
+        one, other = pinned.robot(name), free.robot(name)
+        assert np.allclose(one.T_world_map, other.T_world_map, atol=0.05)
+        # One direction is known clearly better than the other.
+        assert one.covariance[1, 1] > 1.3 * one.covariance[0, 0]
+        assert np.allclose(one.covariance, other.covariance, rtol=0.1, atol=1e-6)
+
+
+def test_the_frame_of_the_first_robot_and_that_of_the_priors_are_told_apart() -> None:
+    estimator = told(hall("first"), LEFT)
+    before = estimator.estimate()
+    assert before.components[before.robot("first").component].is_world
+    estimator.set_prior("left", Prior(TRUTH["left"], (0.3, 0.3, 0.1)))
+    given = estimator.estimate()
+    assert {c.names: c.is_world for c in given.components} == {("first",): False, ("left",): True}
+    assert given.robot("first").placements == 0
+    assert given.robot("left").placements == before.robot("left").placements + 1
+    again = estimator.estimate()
+    assert [c.merged is d.merged for c, d in zip(given.components, again.components, strict=True)] == [
+        True,
+        True,
+    ]
+    assert [r.placements for r in again.robots] == [r.placements for r in given.robots]

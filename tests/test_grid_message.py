@@ -13,9 +13,8 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from bags import UPDATE, header, message, store_of
-from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
-from mapmeld.grid_message import apply_updates, grid_from_message, is_empty
+from mapmeld.grid_message import BadMessage, apply_updates, grid_from_message, is_empty
 from mapmeld.map_io import read_map
 
 STORES = {kind: store_of(kind) for kind in ("rosbag1", "mcap")}
@@ -128,9 +127,11 @@ def test_bad_messages_name_the_field(case: str) -> None:
     change, words = BAD[case]
     sent = made()
     change(sent)
-    with pytest.raises(MapmeldError) as caught:
+    with pytest.raises(BadMessage) as caught:
         grid_from_message(sent)
     assert "\n" not in str(caught.value)
+    assert caught.value.field == words[0]
+    assert str(caught.value) == f"{caught.value.field}: {caught.value.problem}"
     for word in words:
         assert word in str(caught.value)
 
@@ -170,8 +171,9 @@ def test_updates_in_their_order() -> None:
 )
 def test_bad_updates_name_the_field(sent: Any, words: list[str]) -> None:
     grid = OccupancyGrid(np.zeros((4, 5), np.int8), 0.05)
-    with pytest.raises(MapmeldError) as caught:
+    with pytest.raises(BadMessage) as caught:
         apply_updates(grid, [update(0, 0, [[9]]), sent])
+    assert caught.value.field == words[0]
     for word in words:
         assert word in str(caught.value)
     assert not grid.data.any()

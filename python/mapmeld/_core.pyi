@@ -5,7 +5,7 @@ JSON text, partial or whole. mapmeld.merging and mapmeld.map_features are the sa
 """
 
 from collections.abc import Callable, Sequence
-from typing import TypedDict, final
+from typing import NotRequired, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,6 @@ class _Evidence(TypedDict):
     distinct_hits: float
     bending: float
     shared_floor: float
-    blocked_floor: float
     shared_length: float
     agreement: float
     second_direction: float
@@ -95,13 +94,16 @@ class _Fused(TypedDict):
     resolution: float
     origin: list[float]
 
-class _Component(_Fused):
+class _Component(TypedDict):
+    data: NDArray[np.int8] | None
+    resolution: NotRequired[float]
+    origin: NotRequired[list[float]]
     reference: int
     in_world: bool
     order: list[int]
     rms: float | None
-    conflict_cells: int
-    shared_cells: int
+    conflict_cells: int | None
+    shared_cells: int | None
     steps: list[_Step]
 
 class _Hypothesis(TypedDict):

@@ -12,13 +12,14 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from mapmeld.frames import Group
-from mapmeld.holding import Ask, Hold, Unit, agreeing
+from mapmeld.holding import Ask, Hold, Unit, most_agreeing
 
 
 def admitted(
     groups: Sequence[Group],
     units: Sequence[Unit],
     sure: Collection[str],
+    exact: Collection[str],
     centres: Mapping[str, Sequence[float]],
     hold: Hold,
     least: float,
@@ -26,13 +27,13 @@ def admitted(
 ) -> tuple[list[Group], dict[str, float]]:
     """Groups of what is linked clearly, and how probable the best link is of robots that have none.
 
-    units: what is held together; nothing is asked about that. sure: robots that priors or pins place. least:
-        how probable a link must be.
+    units: what is held together; nothing is asked about that. sure: robots that priors or pins place. exact:
+        those that are pinned. least: how probable a link must be.
     """
     done: list[Group] = []
     unclear: dict[str, float] = {}
     for group in groups:
-        left = _parts(group, units, centres, hold)
+        left = _parts(group, units, exact, centres, hold)
         is_world = group.in_world
         while left:
             first = max(left, key=lambda part: (is_world and bool(part & set(sure)), len(part)))
@@ -64,13 +65,15 @@ def admitted(
 
 
 def _parts(
-    group: Group, units: Sequence[Unit], centres: Mapping[str, Sequence[float]], hold: Hold
+    group: Group,
+    units: Sequence[Unit],
+    exact: Collection[str],
+    centres: Mapping[str, Sequence[float]],
+    hold: Hold,
 ) -> list[set[str]]:
     """The robots of a group by the units that they are held in: of each, most of those that agree with the
     group."""
-    parts: list[set[str]] = []
-    for unit in units:
-        if agreed := agreeing(unit.poses, group, centres, hold):
-            parts.append(set(sorted(agreed, key=len)[-1]))
+    agreed = (most_agreeing(unit, group, exact, centres, hold) for unit in units)
+    parts = [set(part) for part in agreed if part]
     place = {n: k for k, n in enumerate(group.poses)}
     return sorted(parts, key=lambda p: min(place[n] for n in p))

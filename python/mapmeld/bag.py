@@ -116,8 +116,8 @@ class Bag:
             from rosbags.rosbag2 import Reader as Reader2
         except ModuleNotFoundError as error:
             raise MapFileError(
-                f"{self.path}: reading bags needs the package {error.name}, which is not installed; "
-                "pip install 'mapmeld[bags]'"
+                f"{self.path}: reading bags needs the package rosbags, which is not installed; "
+                "pip install rosbags"
             ) from error
         with contextlib.ExitStack() as stack, self._reading():
             for part in self._storages():

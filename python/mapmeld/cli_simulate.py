@@ -28,7 +28,8 @@ def simulate(
     world: Annotated[
         str | None,
         typer.Option(
-            help="maze, office, halls, wings, symmetric, or a map's yaml file; maze.", show_default=False
+            help="maze, office, cells, halls, wings, symmetric, or a map's yaml file; maze.",
+            show_default=False,
         ),
     ] = None,
     robots: Annotated[int | None, typer.Option(help="Number of robots, so of maps; 10.")] = None,

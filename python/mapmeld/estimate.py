@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
 from mapmeld.map_yaml import one_line
 from mapmeld.result import MergeResult
+
+if TYPE_CHECKING:
+    from mapmeld.drawing import Drawing
 
 
 @dataclass(frozen=True)
@@ -89,14 +92,25 @@ class EstimatedComponent:
 
     names: sorted. anchor: the robot whose held pose defines the frame. is_world: true for the one component
         that lives in the world frame.
-    merged: the fused map in the component's frame: yaw 0, its origin on whole multiples of the resolution, so
-        that a later, larger map has the old one's cells at whole-cell offsets.
+    drawing: draws `merged` when somebody looks at it; None where there is nothing to draw it from.
     """
 
     names: tuple[str, ...]
     anchor: str
     is_world: bool
-    merged: OccupancyGrid | None
+    drawing: Drawing | None = field(default=None, repr=False)
+
+    @property
+    def merged(self) -> OccupancyGrid | None:
+        """The fused map in the component's frame: yaw 0, its origin on whole multiples of the resolution, so
+        that a later, larger map has the old one's cells at whole-cell offsets. It is drawn at the first look.
+        None when it cannot be drawn, see `problem`."""
+        return None if self.drawing is None else self.drawing.merged
+
+    @property
+    def problem(self) -> str | None:
+        """Why there is no fused map: pins may put maps too far apart for one. None when there is one."""
+        return None if self.drawing is None else self.drawing.problem
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from mapmeld import _core, holding, linking, robots
 from mapmeld.admission import admitted
 from mapmeld.config import effective_config
+from mapmeld.covariances import covariances_in_frames
+from mapmeld.drawing import Drawing
 from mapmeld.errors import MapmeldError
 from mapmeld.estimate import Estimate, EstimatedComponent, Prior, checked_pose
 from mapmeld.frames import Frames, Group, Held, steady
@@ -75,7 +77,7 @@ class Estimator:
         self._by_prior: set[str] = set()
         self._placements: dict[str, int] = {}
         self._covariances: dict[str, NDArray[np.float64]] = {}
-        self._drawn: dict[int, tuple[Any, OccupancyGrid]] = {}
+        self._drawings: dict[int, Drawing] = {}
 
     def update(self, grid: OccupancyGrid) -> None:
         """Takes a robot's map, new or changed; the robot is known by the map's name.
@@ -147,17 +149,18 @@ class Estimator:
             self._forget(known.gone)
             self._tell_session(known.grids)
             if not known.grids:
-                self._held, self._by_prior, self._placements, self._drawn = [], set(), {}, {}
+                self._held, self._by_prior, self._placements, self._drawings = [], set(), {}, {}
                 return Estimate((), (), None, 0, time.perf_counter() - started)
             result, registered = self._merge(known, progress, started)
             held, against, unclear = self._follow(result, known, progress, maps_are_done)
             self._count(held)
             self._held = held
-            self._by_prior = {m.name for m in result.maps if m.status == "prior"}
+            # What is held by walls is no less held when the merge leaves it to its prior.
+            self._by_prior = {m.name for m in result.maps if m.status == "prior" and m.name not in against}
             components = tuple(self._component(h, known.grids) for h in held)
-            self._drawn = {h.frame: self._drawn[h.frame] for h in held}
+            self._drawings = {h.frame: self._drawings[h.frame] for h in held}
             centres = {n: c.centre for n, c in self._cells.items()}
-            self._covariances = _covariances(result, held, self._covariances)
+            self._covariances = covariances_in_frames(result, held, self._covariances)
             of_robot = tuple(
                 robots.tell(
                     m,
@@ -180,6 +183,7 @@ class Estimator:
             del self._told[name], self._cells[name]
         self._placements = {n: k for n, k in self._placements.items() if n not in gone}
         self._covariances = {n: c for n, c in self._covariances.items() if n not in gone}
+        self._by_prior -= gone
         left = [(h, {n: T for n, T in h.poses.items() if n not in gone}) for h in self._held]
         self._held = [Held(h.frame, h.anchor, h.is_world, poses) for h, poses in left if poses]
 
@@ -192,9 +196,14 @@ class Estimator:
 
     def _merge(self, known: _Known, progress: Progress | None, started: float) -> tuple[MergeResult, int]:
         """The merge of the maps as they are, its components in the frames of those that are held."""
-        first = sorted(self._held, key=lambda h: (not h.is_world, -len(h.poses)))
-        anchors = [h.anchor for h in first if h.anchor in h.poses]
-        references = [*anchors, *(n for n in known.grids if n not in anchors)]
+        arrival = list(known.grids)
+        # As Frames.follow chooses between anchors.
+        first = sorted(
+            (h for h in self._held if h.anchor in h.poses),
+            key=lambda h: (not h.is_world, -len(h.poses), arrival.index(h.anchor)),
+        )
+        anchors = [h.anchor for h in first]
+        references = [*anchors, *(n for n in arrival if n not in anchors)]
         found = self._session.merge(references, _priors(known), progress)
         seconds = {**found["seconds"], "merge": time.perf_counter() - started}
         result = result_of(found, self._session.names(), self._config, seconds)
@@ -213,14 +222,14 @@ class Estimator:
             return self._session.weigh([question], priors, progress)[0]
 
         groups = _groups(result)
-        free = self._by_prior | known.pins.keys()
+        free = self._by_prior | holding.repinned(self._held, groups, known.pins, centres)
         units = holding.units(self._held, groups, free, centres, self._hold, ask)
         against = {n: p for u in units for n, p in u.against.items()}
-        sure = self._by_prior | {name for name, *_ in priors}
+        sure = {name for name, *_ in priors}
         enough = self._config["evidence"]["min_probability"]
         least = enough if maps_are_done else max(enough, self._hold.join)
-        groups, unclear = admitted(groups, units, sure, centres, self._hold, least, ask)
-        joined = linking.joined(groups, units, centres, self._hold)
+        groups, unclear = admitted(groups, units, sure, known.pins, centres, self._hold, least, ask)
+        joined = linking.joined(groups, units, known.pins, centres, self._hold)
         world_is_given = bool(known.priors or known.pins)
         followed = self._frames.follow(joined, self._held, list(known.grids), world_is_given)
         covariances = {m.name: m.covariance for m in result.maps if m.covariance is not None}
@@ -243,20 +252,12 @@ class Estimator:
         self._placements = counts
 
     def _component(self, held: Held, grids: Mapping[str, OccupancyGrid]) -> EstimatedComponent:
-        """The component with its fused map, which is drawn again only when a map or a pose has changed."""
-        names = [n for n in grids if n in held.poses]
-        placed = [(n, held.poses[n].tolist()) for n in names]
-        key = [(grids[n], pose) for n, pose in placed]
-        old = self._drawn.get(held.frame)
-        if (
-            old is None
-            or len(old[0]) != len(key)
-            or any(a[0] is not b[0] or a[1] != b[1] for a, b in zip(old[0], key, strict=True))
-        ):
-            fused = self._session.fuse("merged", placed)
-            merged = OccupancyGrid(fused["data"], fused["resolution"], fused["origin"], "merged")
-            old = self._drawn[held.frame] = (key, merged)
-        return EstimatedComponent(tuple(sorted(names)), held.anchor, held.is_world, old[1])
+        """The component with its fused map, which is another one only when a map or a pose has changed."""
+        placed = [(grids[n], held.poses[n].tolist()) for n in grids if n in held.poses]
+        drawing = self._drawings.get(held.frame)
+        if drawing is None or not drawing.shows(placed):
+            drawing = self._drawings[held.frame] = Drawing(placed, self._config)
+        return EstimatedComponent(tuple(sorted(held.poses)), held.anchor, held.is_world, drawing)
 
 
 def _is_same(old: OccupancyGrid | None, new: OccupancyGrid) -> bool:
@@ -283,34 +284,11 @@ def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
     return [(n, T.tolist()) for n, T in poses.items()]
 
 
-def _covariances(
-    result: MergeResult, held: Sequence[Held], before: Mapping[str, NDArray[np.float64]]
-) -> dict[str, NDArray[np.float64]]:
-    """Covariances relative to the anchors of what is held, in the world of priors as they are.
-
-    The merge tells them relative to its components' references. Of a robot that is held where the merge has
-    it apart from the anchor, the last that was told stands.
-    """
-    placed = {m.name: m for m in result.maps}
-    told: dict[str, NDArray[np.float64]] = {}
-    for h in held:
-        anchor = placed[h.anchor].component
-        for name in h.poses:
-            component = result.components[placed[name].component]
-            if not component.in_world and name == h.anchor:
-                covariance = np.zeros((3, 3))
-            elif component.in_world or placed[name].component == anchor or name not in before:
-                covariance = np.array(placed[name].covariance)
-            else:
-                covariance = np.array(before[name])
-            covariance.setflags(write=False)
-            told[name] = covariance
-    return told
-
-
 def _groups(result: MergeResult) -> list[Group]:
-    """The components of a merge in the order in which they were merged, without blank maps."""
+    """The components of a merge in the order in which they were merged, without blank maps, which have no pose."""
     poses = {m.name: m.T_component_map for m in result.maps if m.T_component_map is not None}
     return [
-        Group({n: poses[n] for n in c.order}, c.in_world) for c in result.components if c.merged is not None
+        Group({n: poses[n] for n in c.order}, c.in_world)
+        for c in result.components
+        if all(n in poses for n in c.order)
     ]

@@ -60,21 +60,36 @@ class Frames:
         world is the frame of the robot that came first, and stays where it is.
         """
         held = [h for h in (_left(h, groups, arrival) for h in held) if h is not None]
-        placed = [self._placed(g, held, arrival, world_is_given) for g in groups]
+        world = next((h for h in held if h.is_world), None)
+        given = next((g for g in groups if g.in_world), None)
+        if world is not None and given is not None:
+            if _is_lent(world, given, groups):
+                held = [h for h in held if h is not world]
+            else:
+                # It stays the frame of those that it was of; the world is another one from now on.
+                world = None
+        placed = [
+            self._in_world(g, world, arrival)
+            if g.in_world
+            else self._placed(g, held, arrival, world_is_given)
+            for g in groups
+        ]
         if world_is_given or any(h.is_world for h in placed):
             return placed
         first = next((n for n in arrival if any(n in h.poses for h in placed)), None)
         return [Held(h.frame, h.anchor, first in h.poses, h.poses) for h in placed]
 
+    def _in_world(self, group: Group, world: Held | None, arrival: Sequence[str]) -> Held:
+        """The group in the world that is given, which takes on the frame of the world that was, if any."""
+        if world is not None and world.anchor in group.poses:
+            return Held(world.frame, world.anchor, True, group.poses)
+        first = next(n for n in arrival if n in group.poses)
+        return Held(next(self._numbers) if world is None else world.frame, first, True, group.poses)
+
     def _placed(
         self, group: Group, held: Sequence[Held], arrival: Sequence[str], world_is_given: bool
     ) -> Held:
         first = next(n for n in arrival if n in group.poses)
-        if group.in_world:
-            world = next((h for h in held if h.is_world), None)
-            anchor = world.anchor if world is not None and world.anchor in group.poses else first
-            frame = world.frame if world is not None else next(self._numbers)
-            return Held(frame, anchor, True, group.poses)
         # The frame of the world is kept, then that of most robots, then that of the first.
         own = [h for h in held if h.anchor in group.poses]
         if not own:
@@ -85,6 +100,16 @@ class Frames:
         )
         poses = seen_from(group.poses, lends.anchor, lends.poses[lends.anchor])
         return Held(lends.frame, lends.anchor, lends.is_world and not world_is_given, poses)
+
+
+def _is_lent(world: Held, given: Group, groups: Sequence[Group]) -> bool:
+    """Whether the world that is given takes on the frame of the one that was: where no other group has its
+    anchor, or some robot is still where it was."""
+    if not any(world.anchor in g.poses for g in groups if g is not given):
+        return True
+    return any(
+        np.allclose(T, world.poses[n], atol=MOST_NOISE) for n, T in given.poses.items() if n in world.poses
+    )
 
 
 def _left(held: Held, groups: Sequence[Group], arrival: Sequence[str]) -> Held | None:

@@ -16,6 +16,9 @@ FREE = 0
 """Cell value of a cell that is surely free."""
 OCCUPIED = 100
 """Cell value of a cell that is surely occupied."""
+_MOST_ORIGIN_M = 1e8
+"""How far an origin may lie from its map frame, metres: beyond it, cells of a few centimetres get lost in the
+rounding of their coordinates. The core has the same bound."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +34,8 @@ class OccupancyGrid:
         map frame. Map coordinates everywhere mean this frame.
     name: what results call this map; a map read from a file has the file's stem.
 
-    Raises MapmeldError for an array of another shape or range, and for a resolution or origin that is not
-    finite or not positive.
+    Raises MapmeldError for an array of another shape or range, for a resolution or origin that is not finite
+    or not positive, and for an origin farther than 1e8 m from the map frame.
     """
 
     data: NDArray[np.int8]
@@ -67,6 +70,10 @@ class OccupancyGrid:
         pose = tuple(float(v) for v in origin)
         if len(pose) != 3 or not all(math.isfinite(v) for v in pose):
             raise MapmeldError(f"{label}: origin must be three finite numbers (x, y, theta), got {pose}")
+        if max(abs(pose[0]), abs(pose[1])) > _MOST_ORIGIN_M:
+            raise MapmeldError(
+                f"{label}: origin must lie within {_MOST_ORIGIN_M:g} m of the map frame, got {pose}; move the frame"
+            )
         cells = np.array(array, dtype=np.int8, order="C", copy=True)
         cells.setflags(write=False)
         object.__setattr__(self, "data", cells)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,15 @@ _LENGTH_TOLERANCE = 1e-2
 _TILT_TOLERANCE = 1e-2
 
 
+class BadMessage(MapmeldError):
+    """A message that cannot be used. `field` is its path in the message, `problem` a phrase."""
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(one_line(f"{field}: {problem}"))
+        self.field = field
+        self.problem = problem
+
+
 def grid_from_message(message: Any, name: str = "") -> OccupancyGrid:
     """The grid that a nav_msgs/OccupancyGrid holds. Its origin is `info.origin`, as x, y and yaw.
 
@@ -33,7 +42,7 @@ def grid_from_message(message: Any, name: str = "") -> OccupancyGrid:
     0.05000000074505806, so that it equals that of a saved map. A quaternion of four zeros is one that the
     publisher left unset, as ROS 1 initialises it, and stands for no rotation.
 
-    Raises MapmeldError, naming the field: info.width and info.height that are not positive or do not make
+    Raises BadMessage, naming the field: info.width and info.height that are not positive or do not make
     the length of data, info.resolution that is not positive, an origin that is not finite, a quaternion that
     is not normalised or leans out of the plane, and data outside of -1..100.
     """
@@ -53,7 +62,7 @@ def is_empty(message: Any) -> bool:
 def apply_updates(grid: OccupancyGrid, updates: Iterable[Any]) -> OccupancyGrid:
     """The grid after map_msgs/OccupancyGridUpdate messages, applied in their order; `grid` stays as it is.
 
-    An update's x and y are the column and row of its first cell. Raises MapmeldError, naming the field, for
+    An update's x and y are the column and row of its first cell. Raises BadMessage, naming the field, for
     one that does not lie within the grid, or whose data has another length than width x height or values
     outside of -1..100.
     """
@@ -68,35 +77,33 @@ def apply_updates(grid: OccupancyGrid, updates: Iterable[Any]) -> OccupancyGrid:
             (height, y, grid.height, ("y", "height")),
         ):
             if size < 0 or first < 0 or first + size > room:
-                _fail(
-                    f"{sides[0]}, {sides[1]}: {first} and {size} reach out of the map, which has a "
-                    f"{sides[1]} of {room} cells; the update belongs to another map"
+                raise BadMessage(
+                    f"{sides[0]}, {sides[1]}",
+                    f"{first} and {size} reach out of the map, which has a {sides[1]} of {room} cells; the "
+                    "update belongs to another map",
                 )
         data[y : y + height, x : x + width] = _cells("data", update.data, width, height)
     return grid if data is None else OccupancyGrid(data, grid.resolution, grid.origin, grid.name)
 
 
-def _fail(text: str) -> NoReturn:
-    raise MapmeldError(one_line(text))
-
-
 def _positive(field: str, value: Any) -> int:
     if int(value) <= 0:
-        _fail(f"{field}: must be a positive number of cells, got {int(value)}; the map is empty")
+        raise BadMessage(field, f"must be a positive number of cells, got {int(value)}; the map is empty")
     return int(value)
 
 
 def _finite(field: str, value: Any) -> float:
     number = float(value)
     if not math.isfinite(number):
-        _fail(f"{field}: must be a finite number of metres, got {number}")
+        raise BadMessage(field, f"must be a finite number of metres, got {number}")
     return number
 
 
 def _resolution(value: Any) -> float:
     resolution = float(value)
     if not math.isfinite(resolution) or resolution <= 0:
-        _fail(f"info.resolution: must be a positive number of metres per cell, got {resolution:g}")
+        problem = f"must be a positive number of metres per cell, got {resolution:g}"
+        raise BadMessage("info.resolution", problem)
     single = np.float32(resolution)
     return float(str(single)) if float(single) == resolution else resolution
 
@@ -105,16 +112,17 @@ def _cells(field: str, values: Any, width: int, height: int) -> NDArray[np.int8]
     """The values as an array of shape (height, width), checked."""
     cells = np.asarray(values)
     if cells.size != width * height:
-        _fail(f"{field}: must have {width} x {height} = {width * height} cells, got {cells.size}")
+        raise BadMessage(field, f"must have {width} x {height} = {width * height} cells, got {cells.size}")
     if cells.size and cells.dtype.kind not in "iu":
-        _fail(f"{field}: must hold integers, got {cells.dtype}")
+        raise BadMessage(field, f"must hold integers, got {cells.dtype}")
     cells = cells.reshape(-1)
     bad = (cells < UNKNOWN) | (cells > OCCUPIED)
     if bad.any():
         i = int(bad.argmax())
-        _fail(
-            f"{field}: must be -1 (unknown) or 0 to 100, got {int(cells[i])} at index {i} (row {i // width}, "
-            f"column {i % width}), one of {int(bad.sum())} bad values"
+        raise BadMessage(
+            field,
+            f"must be -1 (unknown) or 0 to 100, got {int(cells[i])} at index {i} (row {i // width}, "
+            f"column {i % width}), one of {int(bad.sum())} bad values",
         )
     return cells.astype(np.int8, copy=False).reshape(height, width)
 
@@ -122,13 +130,15 @@ def _cells(field: str, values: Any, width: int, height: int) -> NDArray[np.int8]
 def _yaw(q: Any) -> float:
     """The angle of a rotation about z, radians in -pi..pi."""
     x, y, z, w = (float(getattr(q, part)) for part in "xyzw")
-    text = f"info.origin.orientation: ({x:g}, {y:g}, {z:g}, {w:g})"
+    field, text = "info.origin.orientation", f"({x:g}, {y:g}, {z:g}, {w:g})"
     if x == y == z == w == 0.0:
         return 0.0
     length = math.hypot(x, y, z, w)
     # Written so that NaN fails.
     if not abs(length - 1.0) <= _LENGTH_TOLERANCE:
-        _fail(f"{text} must be a quaternion (x, y, z, w) of length 1, its length is {length:.4g}")
+        problem = f"{text} must be a quaternion (x, y, z, w) of length 1, its length is {length:.4g}"
+        raise BadMessage(field, problem)
     if 2.0 * math.asin(min(math.hypot(x, y) / length, 1.0)) > _TILT_TOLERANCE:
-        _fail(f"{text} must be a rotation about z, but leans out of the plane; a map must lie flat")
+        problem = f"{text} must be a rotation about z, but leans out of the plane; a map must lie flat"
+        raise BadMessage(field, problem)
     return 2.0 * math.atan2(z if w >= 0 else -z, abs(w))

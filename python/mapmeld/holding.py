@@ -70,7 +70,8 @@ class Hold:
 class Unit:
     """Robots that lie to each other as they did before: T_unit_map.
 
-    against: for those that the merge would have put elsewhere, how probable it is that they lie there.
+    against: for those that the merge would have put elsewhere, or has apart from all others, how probable it is
+        that they lie there.
     """
 
     poses: Poses
@@ -87,7 +88,7 @@ def units(
 ) -> list[Unit]:
     """What stays together of what was: every robot of the groups is in one of the units.
 
-    free: robots that are held to nothing, such as pinned ones.
+    free: robots that are held to nothing, such as those that their prior alone places.
     """
     there = {n for g in groups for n in g.poses}
     found: list[Unit] = []
@@ -115,14 +116,24 @@ def _kept(
     for part in parts[1:]:
         moved = {n: poses[n] for n in part}
         for k, base in enumerate(kept):
-            probability = _stays(base.poses, moved, groups, hold, ask)
-            if probability is not None:
-                against = {**base.against, **dict.fromkeys(moved, probability)}
-                kept[k] = Unit({**base.poses, **moved}, against)
-                break
+            stays = _stays(base.poses, moved, groups, hold, ask)
+            if stays is None:
+                continue
+            if stays.is_refined:
+                kept[k] = Unit({**base.poses, **stays.poses}, base.against)
+            else:
+                # A robot that the merge leaves alone is held by this, as those are that come to it.
+                torn = [n for n in base.poses if len(base.poses) == 1 and _is_alone(n, groups)]
+                against = dict.fromkeys([*torn, *moved], stays.probability)
+                kept[k] = Unit({**base.poses, **moved}, {**base.against, **against})
+            break
         else:
             kept.append(Unit(moved, {}))
     return kept
+
+
+def _is_alone(name: str, groups: Sequence[Group]) -> bool:
+    return all(len(g.poses) == 1 for g in groups if name in g.poses)
 
 
 def agreeing(
@@ -142,8 +153,51 @@ def agreeing(
     return parts
 
 
-def _stays(base: Poses, moved: Poses, groups: Sequence[Group], hold: Hold, ask: Ask) -> float | None:
-    """How probable the held place of some robots to others is; None when it does not stand any more."""
+def most_agreeing(
+    unit: Unit, group: Group, exact: Collection[str], centres: Mapping[str, Sequence[float]], hold: Hold
+) -> list[str]:
+    """Robots of a unit that lie to each other as in the group: those with one that is exact, else the most."""
+    parts = agreeing(unit.poses, group, centres, hold)
+    return max(parts, key=lambda p: (any(n in exact for n in p), len(p)), default=[])
+
+
+def repinned(
+    held: Sequence[Held],
+    groups: Sequence[Group],
+    pins: Collection[str],
+    centres: Mapping[str, Sequence[float]],
+) -> set[str]:
+    """Pinned robots that do not lie to the other pinned ones of their held component as they did.
+
+    Most of the pinned ones stay, or those whose pin is what it was. A pin that is alone in its component may
+    move it as a whole.
+    """
+    exactly = Hold(noise_m=1e-6, noise_rad=1e-6)
+    moved: set[str] = set()
+    for world in (g for g in groups if g.in_world):
+        for h in held:
+            poses = {n: T for n, T in h.poses.items() if n in pins and n in world.poses}
+            parts = agreeing(poses, world, centres, exactly)
+            still = [n for n in poses if exactly.is_same_place(poses[n], world.poses[n], centres[n])]
+            most = max(parts, key=lambda p: (len(p), any(n in still for n in p)), default=[])
+            moved |= poses.keys() - set(most)
+    return moved
+
+
+@dataclass(frozen=True)
+class _Stay:
+    """That some robots stay with others: how probable their place is, and where it is now.
+
+    is_refined: the merge has them at that place too.
+    """
+
+    probability: float
+    poses: Poses
+    is_refined: bool
+
+
+def _stays(base: Poses, moved: Poses, groups: Sequence[Group], hold: Hold, ask: Ask) -> _Stay | None:
+    """Whether the held place of some robots to others stands; None when it does not stand any more."""
     places = [np.zeros(3)]
     lead = next(iter(moved))
     group = next(g for g in groups if lead in g.poses)
@@ -154,12 +208,12 @@ def _stays(base: Poses, moved: Poses, groups: Sequence[Group], hold: Hold, ask: 
         places.append(se2.compose(se2.compose(T_held_group, group.poses[lead]), se2.inverse(moved[lead])))
     told, rival = ask(base, moved, places)
     (held, _), *others = told
-    if others and others[0][1] == 0:
-        # The new place is the held one, refined.
-        return None
-    new = others[0][0] if others else 0.0
+    # The new place may be the held one, refined.
+    is_refined = bool(others) and others[0][1] == 0
+    new = others[0][0] if others and not is_refined else 0.0
     best = max(new, rival)
     nowhere = max(0.0, 1.0 - held - new - rival)
     if held <= 0.0 or best >= hold.replace * (best + held) or held < hold.keep * (held + nowhere):
         return None
-    return held
+    T = places[1] if is_refined else places[0]
+    return _Stay(held, {n: se2.compose(T, T_held_map) for n, T_held_map in moved.items()}, is_refined)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmeld import se2
 from mapmeld.frames import Group, Pose
-from mapmeld.holding import Hold, Unit, agreeing
+from mapmeld.holding import Hold, Unit, most_agreeing
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,16 @@ class _Link:
 
 
 def joined(
-    groups: Sequence[Group], units: Sequence[Unit], centres: Mapping[str, Sequence[float]], hold: Hold
+    groups: Sequence[Group],
+    units: Sequence[Unit],
+    exact: Collection[str],
+    centres: Mapping[str, Sequence[float]],
+    hold: Hold,
 ) -> list[Group]:
     """Groups of whole units: units that a group links lie to each other as there, robots of one unit stay as
-    they are, whatever the groups say."""
-    links = _links(groups, units, centres, hold)
+    they are, whatever the groups say. exact: robots that stay exactly where the world has them."""
+    links = _links(groups, units, exact, centres, hold)
+    pinned = {n: T for g in groups if g.in_world for n, T in g.poses.items() if n in exact}
     done: list[Group] = []
     seen: set[int] = set()
     roots = sorted(range(len(groups)), key=lambda g: (not groups[g].in_world, -len(groups[g].poses), g))
@@ -46,19 +51,25 @@ def joined(
                 # Where it is refined, a unit that stays as it is follows.
                 inside = groups[whole].poses
                 poses |= {n: se2.compose(T_root_group[whole], inside[n]) for n in units[u].poses}
-        done.append(Group(poses, groups[root].in_world))
+        is_world = groups[root].in_world
+        if is_world:
+            poses |= {n: T for n, T in pinned.items() if n in poses}
+        done.append(Group(poses, is_world))
     return done
 
 
 def _links(
-    groups: Sequence[Group], units: Sequence[Unit], centres: Mapping[str, Sequence[float]], hold: Hold
+    groups: Sequence[Group],
+    units: Sequence[Unit],
+    exact: Collection[str],
+    centres: Mapping[str, Sequence[float]],
+    hold: Hold,
 ) -> list[_Link]:
     """All links, those of most robots first."""
     links = []
     for g, group in enumerate(groups):
         for u, unit in enumerate(units):
-            if parts := agreeing(unit.poses, group, centres, hold):
-                most = max(parts, key=len)
+            if most := most_agreeing(unit, group, exact, centres, hold):
                 T = se2.compose(group.poses[most[0]], se2.inverse(unit.poses[most[0]]))
                 links.append(_Link(g, u, T, len(most), len(most) == len(unit.poses)))
     return sorted(links, key=lambda link: -link.robots)

@@ -16,7 +16,7 @@ _NONE = "-"
 
 def summary_table(result: MergeResult) -> Table:
     """A row a map: component, pose in the frame of the component's reference map, standard deviations,
-    status, and the share of the particles' weight that agrees with its place.
+    status, and the probability of its place.
     """
     # Narrow enough for 80 columns with names of ten letters; numbers are never cut.
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
@@ -24,7 +24,7 @@ def summary_table(result: MergeResult) -> Table:
     for head in ("comp", "x m", "y m", "theta deg", "sd x", "sd y", "sd theta"):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
-    table.add_column("share", justify="right", no_wrap=True)
+    table.add_column("prob", justify="right", no_wrap=True)
     for placed in result.maps:
         # Text, not str: rich would read [brackets] in a map's name as markup.
         table.add_row(*(Text(cell) for cell in _cells(placed, result)))

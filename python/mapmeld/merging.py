@@ -145,7 +145,9 @@ def result_of(
             reference=names[c["reference"]],
             order=tuple(names[m] for m in c["order"]),
             rms_m=c["rms"],
-            merged=OccupancyGrid(
+            merged=None
+            if c["data"] is None
+            else OccupancyGrid(
                 c["data"], c["resolution"], c["origin"], "merged" if k == 0 else f"merged_{k + 1}"
             ),
             shared_cells=c["shared_cells"],

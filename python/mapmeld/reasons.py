@@ -40,9 +40,9 @@ def reason(
     if status == "merged":
         return _merged(name, [p for p in own if _is_told(p, placed)])
     if status == "ambiguous":
-        shares = ", ".join(f"{p:.2f}" for p in _places(name, hypotheses)[:3])
-        likeliest = f"the likeliest ones have {shares or 'little'}"
-        return f"it belongs to other maps, but its place is not sure: {likeliest}"
+        first, *others = [f"{p:.2f}" for p in _places(name, hypotheses)[:3]] or ["little"]
+        second = f", the next {' and '.join(others)}" if others else ""
+        return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}"
     if not own:
         return "no wall of another map fits any of its walls" if pairs else "it is the only map"
     best = max(own, key=lambda p: p.probability)
@@ -86,7 +86,8 @@ def _lacking(pair: Pair) -> str:
     rivals = [m.log_likelihood for m in pair.modes if not _same_place(m.T_a_b, mode.T_a_b)]
     chance = max([chance, *rivals])
     if mode.log_likelihood > 0 and chance > 0.5 * mode.log_likelihood:
-        return f", and chance explains {math.floor(min(100 * chance / mode.log_likelihood, 100))} % of it"
+        share = math.floor(100 * chance / mode.log_likelihood)
+        return f", and its mirror image or another place fits {min(share, 100)} % as well"
     return ""
 
 

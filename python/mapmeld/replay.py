@@ -120,7 +120,7 @@ class Replay:
             nanoseconds,
             (nanoseconds - self._start) / 1e9,
             found.robots,
-            tuple(replace(c, merged=None) for c in found.components),
+            tuple(replace(c, drawing=None) for c in found.components),
             found.registered_pairs,
             found.seconds,
         )

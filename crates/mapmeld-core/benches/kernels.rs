@@ -11,15 +11,16 @@ use mapmeld_core::filter::ParticleFilter;
 use mapmeld_core::fuse;
 use mapmeld_core::grid::{Class, OccupancyGrid, UNKNOWN};
 use mapmeld_core::local_map::LocalMap;
+use mapmeld_core::pair_table::PairTable;
 use mapmeld_core::parallel;
 use mapmeld_core::perception::psi::Comparison;
-use mapmeld_core::perception::{gamma, likelihood, psi, Overlay};
+use mapmeld_core::perception::{gamma, likelihood, placed, psi, Overlay};
 use mapmeld_core::refine;
 use mapmeld_core::registration::{corners as corner_source, correlation, pair, segments};
 use mapmeld_core::se2::{Se2, Vec2};
 use mapmeld_core::structure::{corners, lines};
 use mapmeld_core::verdict;
-use mapmeld_core::virtual_robot::{PairTable, VirtualRobot};
+use mapmeld_core::virtual_robot::VirtualRobot;
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -155,7 +156,7 @@ fn register(c: &mut Criterion) {
         t.iter(|| likelihood::pair(a, b, black_box(&t_a_b), 1, p))
     });
     c.bench_function("wall evidence of a pair unbent at a pose", |t| {
-        t.iter(|| likelihood::unbent_pair(a, b, black_box(&t_a_b), p))
+        t.iter(|| placed::pair(a, b, black_box(&t_a_b), p))
     });
     let mirrored = b.mirrored(&config);
     c.bench_function("register a pair", |t| {
@@ -189,7 +190,7 @@ fn travel(c: &mut Criterion) {
     let t_world_map = pose(last);
     let p = &config.perception;
     c.bench_function("wall evidence of a pose against 4 maps", |b| {
-        b.iter(|| likelihood::against(&maps, &merged, last, black_box(&t_world_map), p))
+        b.iter(|| placed::against(&maps, &merged, last, black_box(&t_world_map), p))
     });
     for (name, classes) in [("occupied", PsiClasses::Occupied), ("all", PsiClasses::All)] {
         c.bench_function(&format!("psi ({name}) and gamma of a pose against 4 maps"), |b| {

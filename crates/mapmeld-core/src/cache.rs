@@ -62,7 +62,12 @@ pub struct Cache {
     generation: Option<u64>,
     maps: HashMap<Digest, Kept<LocalMap>>,
     mirrors: HashMap<Digest, Kept<LocalMap>>,
+    /// By looks, not by generations.
     pairs: HashMap<PairKey, Kept<Registered>>,
+    /// Merges that came to look at pairs: hints may change with each, and maps stay.
+    looks: u64,
+    /// Whether the merge that is under way did.
+    has_looked: bool,
 }
 
 impl Cache {
@@ -85,13 +90,9 @@ impl Cache {
         let Some(generation) = &mut self.generation else { return };
         *generation += 1;
         let now = *generation;
+        self.has_looked = false;
         for (key, kept) in self.maps.iter_mut().chain(&mut self.mirrors) {
             if current.contains(key) {
-                kept.used = now;
-            }
-        }
-        for ((a, b, _), kept) in &mut self.pairs {
-            if current.contains(a) && current.contains(b) {
                 kept.used = now;
             }
         }
@@ -99,10 +100,11 @@ impl Cache {
 
     /// A merge ends. One that was interrupted did not come to use all that it needs.
     pub fn end(&mut self, interrupted: bool) {
-        let oldest = if interrupted { self.now().saturating_sub(KEPT_FOR) } else { self.now() };
+        let oldest = |now: u64| if interrupted { now.saturating_sub(KEPT_FOR) } else { now };
+        let (oldest, oldest_pair) = (oldest(self.now()), oldest(self.looks));
         self.maps.retain(|_, kept| kept.used >= oldest);
         self.mirrors.retain(|_, kept| kept.used >= oldest);
-        self.pairs.retain(|_, kept| kept.used >= oldest);
+        self.pairs.retain(|_, kept| kept.used >= oldest_pair);
     }
 
     /// Number of registered pairs that are kept.
@@ -168,6 +170,16 @@ impl Cache {
             (digests[*a], digests[*b], hints.iter().map(bits).collect())
         };
         let keys: Vec<PairKey> = all.iter().zip(&hints).map(key).collect();
+        if !std::mem::replace(&mut self.has_looked, true) {
+            self.looks += 1;
+        }
+        let looks = self.looks;
+        // What is known already counts as used even if the observer ends the rest.
+        for key in &keys {
+            if let Some(kept) = self.pairs.get_mut(key) {
+                kept.used = looks;
+            }
+        }
         let missing = first_of_each(&keys, |key| !self.pairs.contains_key(key));
 
         let used = self.now();
@@ -190,7 +202,7 @@ impl Cache {
         });
         for (k, found) in missing.iter().zip(found.parts) {
             if let Some(value) = found {
-                self.pairs.insert(keys[*k].clone(), Kept { value, used });
+                self.pairs.insert(keys[*k].clone(), Kept { value, used: looks });
             }
         }
         found.whole?;
@@ -203,8 +215,7 @@ impl Cache {
             self.mirrors.clear();
         }
         let told = all.iter().zip(&keys).map(|((a, b), key)| {
-            let kept = self.pairs.get_mut(key).expect("registered above");
-            kept.used = used;
+            let kept = self.pairs.get(key).expect("registered above");
             Registered { a: *a, b: *b, ..kept.value.clone() }
         });
         let told = told.collect();

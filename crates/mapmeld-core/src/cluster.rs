@@ -10,11 +10,11 @@ use crate::filter::Step;
 use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
+use crate::pair_table::PairTable;
 use crate::perception::Overlay;
 use crate::prior::Prior;
 use crate::refine;
 use crate::se2::Se2;
-use crate::virtual_robot::PairTable;
 use nalgebra::Matrix3;
 
 /// Most arrangements of a cluster that are carried on.

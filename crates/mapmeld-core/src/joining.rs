@@ -6,10 +6,11 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::local_map::LocalMap;
 use crate::merge::{judged, travel};
+use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::prior::Prior;
 use crate::result::{Known, Observer, Stage};
-use crate::virtual_robot::{PairTable, Parts, VirtualRobot};
+use crate::virtual_robot::{Parts, VirtualRobot};
 
 /// One travel with the clusters as maps; none when no two of them join.
 pub(crate) fn join(
@@ -26,7 +27,9 @@ pub(crate) fn join(
         return Ok(None);
     }
     let maps = lent.maps.as_slice();
-    let merged = as_maps(lent, cache, clusters, config, observer)?;
+    let Some(merged) = as_maps(lent, cache, clusters, config, observer)? else {
+        return Ok(None);
+    };
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
     let found = cache.register(&merged, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
@@ -37,17 +40,19 @@ pub(crate) fn join(
     joined
 }
 
-/// The clusters as maps of their own.
+/// The clusters as maps of their own; none when one of them is too large to draw, as pins far apart make it.
 fn as_maps(
     lent: &Lent,
     cache: &mut Cache,
     clusters: &[Cluster],
     config: &Config,
     observer: Observer,
-) -> Result<Lent> {
+) -> Result<Option<Lent>> {
     let several: Vec<&Cluster> = clusters.iter().filter(|c| c.members.len() > 1).collect();
     let grids = parallel::map(&several, |c| c.fused(&lent.maps, config));
-    let grids = grids.into_iter().collect::<Result<Vec<_>>>()?;
+    let Ok(grids) = grids.into_iter().collect::<Result<Vec<_>>>() else {
+        return Ok(None);
+    };
     let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
     let fused = cache.take(&grids, Stage::Join, config, observer)?;
     let mut fused = fused.maps.into_iter().zip(fused.digests);
@@ -56,7 +61,7 @@ fn as_maps(
         _ => fused.next().expect("one for each cluster of several maps"),
     };
     let (maps, digests) = clusters.iter().map(of_cluster).unzip();
-    Ok(Lent { maps, digests })
+    Ok(Some(Lent { maps, digests }))
 }
 
 /// One travel with the clusters as maps, their pairs judged; none when no two of them join.

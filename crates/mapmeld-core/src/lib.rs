@@ -38,6 +38,7 @@ pub mod joining;
 pub mod likelihood_field;
 pub mod local_map;
 pub mod merge;
+pub mod pair_table;
 pub mod parallel;
 pub mod perception;
 pub mod prior;

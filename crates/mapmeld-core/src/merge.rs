@@ -11,6 +11,7 @@ use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::joining;
 use crate::local_map::LocalMap;
+use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::perception::noise;
 use crate::prior;
@@ -18,7 +19,7 @@ use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::verdict;
-use crate::virtual_robot::{PairTable, VirtualRobot};
+use crate::virtual_robot::VirtualRobot;
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
@@ -31,7 +32,12 @@ pub fn merge(
 ) -> Result<Merge> {
     config.validate()?;
     let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
-    merge_with(&mut Cache::passing(), &grids, known, config, observer)
+    let found = merge_with(&mut Cache::passing(), &grids, known, config, observer)?;
+    // Whoever merges once wants the merged map.
+    match found.components.iter().find_map(|c| c.fused.as_ref().err()) {
+        Some(problem) => Err(problem.clone()),
+        None => Ok(found),
+    }
 }
 
 /// A merge that takes what it can from a cache, of the same configuration, and leaves there what it works out.
@@ -116,7 +122,7 @@ fn run(
             order: c.members.clone(),
             steps: c.steps.clone(),
             rms: c.rms,
-            fused: fuse::fuse("merged", &c.placed(maps), &config.fuse)?,
+            fused: fuse::fuse("merged", &c.placed(maps), &config.fuse),
         });
     }
     let placements = evidence::placements(maps, &clusters);

@@ -28,10 +28,6 @@ pub struct Refined {
     pub covariances: Vec<Matrix3<f64>>,
     /// Root mean square of the matched walls' residuals, metres; none without a match.
     pub rms: Option<f64>,
-    /// Pairs of positions in the list whose walls took part.
-    pub edges: Vec<(usize, usize)>,
-    /// Iterations taken.
-    pub iterations: usize,
 }
 
 /// A pair's share of the normal equations, for the poses of its two maps.
@@ -70,9 +66,8 @@ pub fn refine(
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
     let reach = members.iter().map(|m| maps[*m].reach()).fold(f64::INFINITY, f64::min);
     let mut scale = (0.5 * reach).max(narrow);
-    let mut iterations = 0;
-    while iterations < config.refine.max_iterations && !edges.is_empty() {
-        iterations += 1;
+    let iterations = if edges.is_empty() { 0 } else { config.refine.max_iterations };
+    for _ in 0..iterations {
         let Normal { mut h, g, .. } = normal_equations(maps, members, &poses, &edges, held, scale);
         // Levenberg's damping, the same along both axes: a share of each axis' own information would
         // let a bare corridor, along which there is next to none, slide by any distance.
@@ -97,13 +92,7 @@ pub fn refine(
     }
     let normal = normal_equations(maps, members, &poses, &edges, held, narrow);
     let rms = (normal.weight > 0.0).then(|| (normal.squares / normal.weight).sqrt());
-    Refined {
-        covariances: covariances(normal, held, n, resolution, config),
-        poses,
-        rms,
-        edges,
-        iterations,
-    }
+    Refined { covariances: covariances(normal, held, n, resolution, config), poses, rms }
 }
 
 /// Covariances of refined poses relative to the members at the positions `held`.

@@ -1,5 +1,6 @@
 //! What a merge takes beside maps, and what it gives.
 
+use crate::error::Result;
 use crate::evidence::{Hypothesis, Status};
 use crate::filter::Step;
 use crate::fuse::Fused;
@@ -49,8 +50,8 @@ pub struct Component {
     pub steps: Vec<Step>,
     /// Root mean square of the walls' residuals after the joint refinement, metres.
     pub rms: Option<f64>,
-    /// The merged map.
-    pub fused: Fused,
+    /// The merged map, or why it cannot be drawn: pins may lie too far apart.
+    pub fused: Result<Fused>,
 }
 
 /// All that a merge found.

@@ -9,15 +9,15 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::local_map::LocalMap;
 use crate::merge;
+use crate::pair_table::PairTable;
 use crate::parallel;
-use crate::perception::{likelihood, Overlay, WallEvidence};
+use crate::perception::{placed, Overlay, WallEvidence};
 use crate::prior::{self, Prior};
 use crate::registration::pair::log_search_volume;
 use crate::registration::{climb, SAME_WORLD};
 use crate::result::{Known, Observer, Stage};
 use crate::se2::{Se2, Vec2};
 use crate::verdict::{self, Background};
-use crate::virtual_robot::PairTable;
 use nalgebra::Matrix3;
 
 /// Most places that the pairs propose beside those in question.
@@ -170,7 +170,7 @@ impl Weighing<'_> {
         let own = above.placed(self.maps, &Se2::IDENTITY);
         let top = if climbs { climb::climb_group(&placed, &own, x, most, p) } else { None };
         let x = top.unwrap_or(*x);
-        (x, likelihood::between(&placed, &above.placed(self.maps, &x), p))
+        (x, placed::between(&placed, &above.placed(self.maps, &x), p))
     }
 
     /// `T_base_moved` by the modes of every pair across, the likeliest first.
@@ -208,8 +208,13 @@ impl Weighing<'_> {
         let volume =
             |(m, _): &(usize, Se2)| log_search_volume(&self.maps[*m], &self.maps[moved[0].0]);
         let volume = base.iter().map(volume).fold(0.0, f64::max);
-        let odds = |x: &Se2| t_world_moved.fit(&t_world_base, x, &Matrix3::zeros(), volume);
-        Some(places.map(|(x, _)| odds(x).map_or(f64::NEG_INFINITY, |f| f.log_odds)).collect())
+        // Walls that speak against a place do not hold it, wherever the priors would have it: as when the robot
+        // travels.
+        let odds = |(x, e): &(Se2, WallEvidence)| {
+            let fit = t_world_moved.fit(&t_world_base, x, &Matrix3::zeros(), volume);
+            fit.filter(|_| e.log_likelihood > 0.0).map_or(f64::NEG_INFINITY, |f| f.log_odds)
+        };
+        Some(places.map(odds).collect())
     }
 
     /// The middle of some maps in their common frame.

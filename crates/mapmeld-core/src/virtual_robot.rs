@@ -7,66 +7,16 @@
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
 use crate::local_map::LocalMap;
+use crate::pair_table::PairTable;
 use crate::perception::psi::Comparison;
-use crate::perception::{gamma, likelihood, pool, psi, Overlay, WallEvidence};
+use crate::perception::{gamma, placed, pool, psi, Overlay, WallEvidence};
 use crate::prior::{self, Fit, Prior};
-use crate::registration::pair::{inverse, log_search_volume};
-use crate::registration::{climb, PairModes, SAME_WORLD};
+use crate::registration::pair::log_search_volume;
+use crate::registration::{climb, SAME_WORLD};
 use crate::se2::Se2;
 use crate::verdict::{self, Background};
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
-
-/// The modes of all pairs, found by either order of their maps.
-#[derive(Debug, Clone)]
-pub struct PairTable {
-    n: usize,
-    pairs: Vec<PairModes>,
-    /// Index into `pairs` of every ordered pair, `a * n + b`.
-    at: Vec<Option<u32>>,
-}
-
-impl PairTable {
-    /// From the registered pairs of `n` maps, each with `a < b`.
-    pub fn new(n: usize, pairs: Vec<PairModes>) -> Self {
-        let mut at = vec![None; n * n];
-        for (k, p) in pairs.iter().enumerate() {
-            at[p.a * n + p.b] = Some(k as u32);
-        }
-        Self { n, pairs, at }
-    }
-
-    /// Takes the pairs out.
-    pub fn into_pairs(self) -> Vec<PairModes> {
-        self.pairs
-    }
-
-    /// Modes of `T_a_b`: transform, covariance, log-likelihood. Most likely first.
-    pub fn modes(&self, a: usize, b: usize) -> Vec<(Se2, Matrix3<f64>, f64)> {
-        let (lo, hi) = (a.min(b), a.max(b));
-        let Some(k) = self.at[lo * self.n + hi] else { return Vec::new() };
-        let modes = self.pairs[k as usize].found.modes.iter();
-        modes
-            .map(|m| {
-                let (t, covariance) = if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
-                (t, covariance, m.evidence.log_likelihood)
-            })
-            .collect()
-    }
-
-    /// The best log-likelihood that the mirror image of one of the maps reaches on the other; zero where
-    /// none was tried.
-    pub fn decoy(&self, a: usize, b: usize) -> f64 {
-        let k = self.at[a.min(b) * self.n + a.max(b)];
-        k.map_or(0.0, |k| self.pairs[k as usize].found.decoy())
-    }
-
-    /// Log-likelihood of the best mode of a pair; none without a mode.
-    pub fn best(&self, a: usize, b: usize) -> Option<f64> {
-        let k = self.at[a.min(b) * self.n + a.max(b)]?;
-        self.pairs[k as usize].found.modes.first().map(|m| m.evidence.log_likelihood)
-    }
-}
 
 /// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
 const NOISE: (f64, f64) = (0.2, 0.04);
@@ -196,14 +146,14 @@ impl VirtualRobot<'_> {
     fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
         let p = &self.config.perception;
         let Some(parts) = &self.parts else {
-            return (x, likelihood::against(self.maps, merged, map, &x, p));
+            return (x, placed::against(self.maps, merged, map, &x, p));
         };
         let of = |map: usize, x: &Se2| parts.overlays[map].placed(parts.maps, x);
         let placed: Vec<_> = merged.layers().flat_map(|l| of(l.map, &l.t_world_map)).collect();
         let own = of(map, &Se2::IDENTITY);
         let most = self.config.registration.max_iterations;
         let x = climb::climb_group(&placed, &own, &x, most, p).unwrap_or(x);
-        (x, likelihood::between(&placed, &of(map, &x), p))
+        (x, placed::between(&placed, &of(map, &x), p))
     }
 
     /// Perception model (paper, section 4) of the poses at which a map may lie; none when the evidence does

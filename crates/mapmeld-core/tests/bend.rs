@@ -7,7 +7,8 @@ use mapmeld_core::config::{Config, PerceptionConfig};
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::perception::bend::unbend;
-use mapmeld_core::perception::likelihood::{self, Placed};
+use mapmeld_core::perception::likelihood;
+use mapmeld_core::perception::placed::{self, Placed};
 use mapmeld_core::se2::{Se2, Vec2};
 
 const CELL: f64 = 0.05;
@@ -39,7 +40,7 @@ fn the_walls_of_a_bent_map_are_found_where_it_is_unbent() {
     let middle = Se2::new(0.0, -0.15, -0.02);
     let p = &rungs[1];
     let rigid = likelihood::pair(&straight, &bent, &middle, 1, p);
-    let unbent = likelihood::unbent_pair(&straight, &bent, &middle, p);
+    let unbent = placed::pair(&straight, &bent, &middle, p);
     assert!(unbent.hits > rigid.hits && unbent.spread < 0.1 * rigid.spread, "{unbent:?}");
     assert!(unbent.log_likelihood > rigid.log_likelihood + 10.0, "{rigid:?} {unbent:?}");
     assert!(unbent.bending > 0.0 && unbent.conflicts < 0.1 * unbent.hits, "{unbent:?}");
@@ -67,7 +68,7 @@ fn bending_costs_more_the_stiffer_a_map_is() {
     let (config, rungs) = rungs();
     let straight = LocalMap::new(office_off_by(0.0), &config);
     let bent = LocalMap::new(office_off_by(0.5), &config);
-    let cost = |p: &PerceptionConfig| likelihood::unbent_pair(&straight, &bent, &Se2::IDENTITY, p);
+    let cost = |p: &PerceptionConfig| placed::pair(&straight, &bent, &Se2::IDENTITY, p);
     let stiff = PerceptionConfig { bend_shift: 0.1, bend_turn: 0.03, ..rungs[1].clone() };
     let soft = PerceptionConfig { bend_shift: 0.4, bend_turn: 0.12, ..rungs[1].clone() };
     assert!(cost(&stiff).bending > cost(&soft).bending, "{:?}", cost(&stiff));
@@ -99,7 +100,7 @@ fn evidence_hardly_depends_on_how_many_samples_are_asked() {
     let bent = LocalMap::new(office_off_by(0.5), &config);
     let at = |max_samples: usize| {
         let p = PerceptionConfig { max_samples, ..rungs[1].clone() };
-        likelihood::unbent_pair(&straight, &bent, &Se2::new(0.0, -0.15, -0.02), &p)
+        placed::pair(&straight, &bent, &Se2::new(0.0, -0.15, -0.02), &p)
     };
     let (all, few) = (at(1_000_000), at(bent.samples.len() / 4));
     assert!((all.hits - few.hits).abs() < 0.1 * all.hits, "{all:?} {few:?}");

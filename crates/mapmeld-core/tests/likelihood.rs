@@ -5,7 +5,7 @@ mod common;
 use common::{any_frame, office, rng, Plan};
 use mapmeld_core::config::Config;
 use mapmeld_core::local_map::LocalMap;
-use mapmeld_core::perception::{likelihood, Overlay, WallEvidence};
+use mapmeld_core::perception::{placed, Overlay, WallEvidence};
 use mapmeld_core::se2::Se2;
 
 const CELL: f64 = 0.1;
@@ -39,9 +39,9 @@ fn it_does_not_matter_which_map_is_laid_on_which() {
         let ([a, b], t) = two(seed);
         // At the truth, and where much is contradicted.
         for t in [t, t.compose(&Se2::new(0.7, -0.4, 0.3))] {
-            let forth = likelihood::unbent_pair(&a, &b, &t, &p);
+            let forth = placed::pair(&a, &b, &t, &p);
             assert!(forth.hits > 1.0);
-            assert_same(&forth, &likelihood::unbent_pair(&b, &a, &t.inverse(), &p));
+            assert_same(&forth, &placed::pair(&b, &a, &t.inverse(), &p));
         }
     }
 }
@@ -54,8 +54,8 @@ fn a_merged_map_of_one_map_is_that_map() {
         let (maps, t) = two(seed);
         let world = any_frame(&mut rng(seed + 100));
         let merged = Overlay::default().with(&maps, 0, world, 1.0, false);
-        let against = likelihood::against(&maps, &merged, 1, &world.compose(&t), &p);
-        assert_same(&likelihood::unbent_pair(&maps[0], &maps[1], &t, &p), &against);
+        let against = placed::against(&maps, &merged, 1, &world.compose(&t), &p);
+        assert_same(&placed::pair(&maps[0], &maps[1], &t, &p), &against);
     }
 }
 
@@ -64,7 +64,7 @@ fn the_truth_is_better_than_nothing_and_than_its_neighbours() {
     let p = Config::default().perception;
     for seed in 20..25 {
         let ([a, b], t) = two(seed);
-        let at = |t: &Se2| likelihood::unbent_pair(&a, &b, t, &p);
+        let at = |t: &Se2| placed::pair(&a, &b, t, &p);
         let truth = at(&t);
         assert!(truth.log_likelihood > 20.0 && truth.agreement() > 0.9, "{truth:?}");
         let center = Se2::from_parts(b.center.unwrap(), 0.0);
@@ -89,16 +89,16 @@ fn a_bare_corridor_has_no_second_direction() {
     for _ in 0..5 {
         let (ta, tb) = (any_frame(&mut rng), any_frame(&mut rng));
         let maps = [draw(&ta), draw(&tb)];
-        let e = likelihood::unbent_pair(&maps[0], &maps[1], &ta.between(&tb), &config.perception);
+        let e = placed::pair(&maps[0], &maps[1], &ta.between(&tb), &config.perception);
         assert!(e.hits > 5.0, "{e:?}");
         let second = e.second_direction();
         assert!(second < 0.05 * e.hits, "{second:.2} of {:.2} in a second direction", e.hits);
         let merged = Overlay::default().with(&maps, 0, ta, 1.0, false);
-        let second = likelihood::against(&maps, &merged, 1, &tb, &config.perception);
+        let second = placed::against(&maps, &merged, 1, &tb, &config.perception);
         assert!(second.second_direction() < 0.05 * e.hits, "{second:?}");
     }
     // Rooms have one.
     let ([a, b], t) = two(31);
-    let e = likelihood::unbent_pair(&a, &b, &t, &config.perception);
+    let e = placed::pair(&a, &b, &t, &config.perception);
     assert!(e.second_direction() > 0.2 * e.hits, "{e:?}");
 }

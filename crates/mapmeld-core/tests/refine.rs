@@ -80,7 +80,6 @@ fn perturbed_poses_come_back() {
         assert!(metres < 0.3 * CELL, "seed {seed}: {:.2} cells off", metres / CELL);
         assert!(degrees < 0.15, "seed {seed}: {degrees:.3} degrees off");
         assert!(r.rms.unwrap() < 0.7 * CELL, "{:?}", r.rms);
-        assert!(r.edges.len() + 1 >= n && r.edges.iter().all(|(i, j)| i < j && *j < n));
 
         assert_eq!(r.poses[anchor], off[anchor], "the anchor moved");
         assert_eq!(r.covariances[anchor], Matrix3::zeros());
@@ -151,7 +150,7 @@ fn without_common_walls_nothing_moves() {
     let far = [Se2::IDENTITY, frames[0].between(&frames[1]).compose(&Se2::new(70.0, 0.0, 0.0))];
     let r = refine(&maps, &[0, 1], &far, &[0], &Config::default());
     assert_eq!(r.poses, far);
-    assert!(r.edges.is_empty() && r.rms.is_none());
+    assert!(r.rms.is_none());
     assert!(is_covariance(&r.covariances[1]) && r.covariances[1][(0, 0)] > 25.0);
 
     let alone = refine(&maps, &[1], &[Se2::new(1.0, 2.0, 3.0)], &[0], &Config::default());

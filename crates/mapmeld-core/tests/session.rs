@@ -7,6 +7,7 @@ use mapmeld_core::config::Config;
 use mapmeld_core::error::Error;
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::merge::merge;
+use mapmeld_core::prior::Prior;
 use mapmeld_core::result::{Known, Merge, Stage};
 use mapmeld_core::se2::Se2;
 use mapmeld_core::standing::Question;
@@ -32,7 +33,13 @@ fn bits(m: &Merge) -> String {
             &m.placements,
             m.components
                 .iter()
-                .map(|c| (c.reference, &c.order, &c.steps, c.rms, &c.fused.grid))
+                .map(|c| (
+                    c.reference,
+                    &c.order,
+                    &c.steps,
+                    c.rms,
+                    c.fused.as_ref().map(|f| &f.grid)
+                ))
                 .collect::<Vec<_>>(),
             m.probability,
             &m.hypotheses,
@@ -165,4 +172,61 @@ fn a_true_place_stands_and_a_wrong_one_does_not() {
     let [(right, 0), (off, 1), (close, 0)] = told.places[..] else { panic!("{told:?}") };
     assert!(right > 0.9 && close == right && off < 0.05, "{told:?}");
     assert!(told.rival < 0.05, "{told:?}");
+}
+
+/// Both maps known to within half a metre, the second one where `t_world_b` says.
+fn with_priors(f: &[Se2], t_world_b: Se2) -> Known {
+    let sigma = [0.5, 0.5, 0.1];
+    let priors = vec![Some(Prior::new(f[0], sigma)), Some(Prior::new(t_world_b, sigma))];
+    Known { priors, ..Known::default() }
+}
+
+#[test]
+fn pairs_of_priors_that_move_do_not_pile_up() {
+    let f = frames(&mut rng(306));
+    let mut session = Session::new(Config::default()).unwrap();
+    session.update(seen("a", &f[0], -1.0, 12.0));
+    session.update(seen("b", &f[1], 5.0, 19.0));
+    for k in 0..12 {
+        let moved = Se2::new(f[1].x + 0.001 * f64::from(k), f[1].y, f[1].theta);
+        let known = with_priors(&f, moved);
+        // Many are superseded after the pairs were looked at.
+        let found = session.merge(&known, &|stage, _, _| k % 6 == 5 || stage != Stage::Filter);
+        assert_eq!(found.is_ok(), k % 6 == 5);
+        assert!(session.kept_pairs() <= 6, "{} pairs after {k}", session.kept_pairs());
+    }
+    assert!(session.kept_pairs() <= 2, "{} pairs", session.kept_pairs());
+}
+
+#[test]
+fn registered_pairs_outlive_many_interrupts() {
+    let f = frames(&mut rng(307));
+    let mut session = Session::new(Config::default()).unwrap();
+    session.update(seen("a", &f[0], -1.0, 12.0));
+    session.update(seen("b", &f[1], 5.0, 19.0));
+    again(&mut session);
+    for last in [Stage::Prepare, Stage::Register, Stage::Filter] {
+        for _ in 0..8 {
+            let stopped = session.merge(&Known::default(), &|stage, _, _| stage != last);
+            assert_eq!(stopped.unwrap_err(), Error::Interrupted);
+        }
+    }
+    assert_eq!(again(&mut session).registered_pairs, 0);
+}
+
+#[test]
+fn priors_hold_no_place_that_walls_speak_against() {
+    let f = frames(&mut rng(308));
+    let mut session = Session::new(Config::default()).unwrap();
+    session.update(seen("a", &f[0], -1.0, 12.0));
+    session.update(seen("b", &f[1], 5.0, 19.0));
+    // One metre off, the walls of one lie amid the free space of the other.
+    let off = f[1].compose(&Se2::new(0.9, 0.7, 0.0));
+    let ask = Question {
+        base: vec![(0, Se2::IDENTITY)],
+        moved: vec![(1, Se2::IDENTITY)],
+        places: vec![f[0].between(&off)],
+    };
+    let told = session.weigh(&with_priors(&f, off), &[ask], &|_, _, _| true).unwrap().remove(0);
+    assert!(told.places[0].0 < 1e-6, "{told:?}");
 }

@@ -122,7 +122,6 @@ pub fn evidence<'py>(
     d.set_item("distinct_hits", e.distinct_hits)?;
     d.set_item("bending", e.bending)?;
     d.set_item("shared_floor", e.shared_floor)?;
-    d.set_item("blocked_floor", e.blocked_floor)?;
     d.set_item("shared_length", e.shared_length)?;
     d.set_item("agreement", e.agreement())?;
     d.set_item("second_direction", e.second_direction())?;

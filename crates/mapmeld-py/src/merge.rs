@@ -56,8 +56,6 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
         d.set_item("in_world", c.in_world)?;
         d.set_item("order", &c.order)?;
         d.set_item("rms", c.rms)?;
-        d.set_item("conflict_cells", c.fused.conflicts)?;
-        d.set_item("shared_cells", c.fused.shared)?;
         let steps = PyList::empty(py);
         for s in &c.steps {
             let e = PyDict::new(py);
@@ -67,7 +65,14 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
             steps.append(e)?;
         }
         d.set_item("steps", steps)?;
-        convert::set_grid(&d, &c.fused.grid)?;
+        // A map that cannot be drawn has no cells.
+        let fused = c.fused.as_ref().ok();
+        d.set_item("conflict_cells", fused.map(|f| f.conflicts))?;
+        d.set_item("shared_cells", fused.map(|f| f.shared))?;
+        match fused {
+            Some(f) => convert::set_grid(&d, &f.grid)?,
+            None => d.set_item("data", py.None())?,
+        }
         components.append(d)?;
     }
     out.set_item("components", components)?;

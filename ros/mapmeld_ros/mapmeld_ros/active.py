@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 
 from mapmeld import Estimate
-from mapmeld_ros.checks import BadMessage
+from mapmeld.grid_message import BadMessage
 from mapmeld_ros.discovery import find_robots, in_namespace
 from mapmeld_ros.estimation import EstimationWorker
 from mapmeld_ros.known_poses import BadKnownPose
@@ -52,6 +53,7 @@ class Active:
         self._listeners: dict[str, RobotListener] = {}
         self._tree = Tree(node, session, publishing, lambda robot, said: self._warn((robot, "tf"), said))
         self._error = ""
+        self._estimate_lock = threading.Lock()
         self._settles: float | None = None
         # When a map changed last; none since the maps were taken for done.
         self._changed: float | None = time.monotonic()
@@ -81,6 +83,9 @@ class Active:
             self._listen(robot.name, robot.topic)
         self._publish_estimate()
         if session.is_settled:
+            # Known poses may have been set during the pause.
+            for robot in session.robots.all():
+                self.place_known(robot.name)
             self._estimation.request(now=True)
         elif session.grids():
             self._settles = time.monotonic()
@@ -96,16 +101,16 @@ class Active:
         self._estimation.stop()
         self._merging.stop()
 
-    def request_estimate(self) -> None:
-        """Estimates at once, taking the maps for done."""
-        self._estimation.request(now=True, maps_are_done=True)
+    def request_estimate(self, *, maps_are_done: bool) -> None:
+        """Estimates at once."""
+        self._estimation.request(now=True, maps_are_done=maps_are_done)
 
     def place_known(self, robot: str) -> None:
         """Takes the robot's known pose as its parameters have it now."""
         try:
             self._session.place_known(robot)
         except BadKnownPose as error:
-            self._log.error(f"robot {robot!r}: {error}; its map is placed by its walls")
+            self._log.error(f"robot {robot!r}: {error}")
         self._estimation.request(now=True)
 
     def _tick(self) -> None:
@@ -136,7 +141,7 @@ class Active:
         try:
             self._session.settle()
         except BadKnownPose as error:
-            self._log.error(f"{error}; the walls place these robots")
+            self._log.error(str(error))
         self._estimation.request(now=True)
 
     def _discover(self, now: float) -> None:
@@ -188,7 +193,7 @@ class Active:
             )
             return
         except BadKnownPose as error:
-            self._log.error(f"robot {name!r}: {error}; its map is placed by its walls")
+            self._log.error(f"robot {name!r}: {error}")
             has_changed = True
         if has_changed:
             self._changed = time.monotonic()
@@ -206,7 +211,9 @@ class Active:
         self._merging.request()
 
     def _publish_estimate(self) -> None:
-        self._publishing.estimate(self._message())
+        # What is latched is what was known last, whichever thread publishes.
+        with self._estimate_lock:
+            self._publishing.estimate(self._message())
 
     def _message(self) -> MergeEstimate:
         known, p = self._session.known, self._node.parameters
@@ -222,6 +229,8 @@ class Active:
     def _publish_maps(self) -> None:
         names = self._session.known.names
         self._publishing.maps(self._session.merge(), {named.number for named in names}, self._node.stamp())
+        for frame, problem in self._session.merged.problems.items():
+            self._warn(("merge", frame), f"the merged map in {frame!r} is not up to date: {problem}")
 
     def _publish_diagnostics(self, now: float) -> None:
         self._publishing.diagnostics(

@@ -36,14 +36,25 @@ class ComponentNames:
     def __init__(self, world_frame: str) -> None:
         self._world_frame = world_frame
         self._known: dict[int, frozenset[str]] = {}
+        self._frames: dict[str, str] = {}
 
     def name(self, estimate: Estimate) -> tuple[Named, ...]:
         """A name for every component, in their order."""
         numbers = self._numbers([frozenset(c.names) for c in estimate.components])
         return tuple(
-            Named(n, frame_of(self._world_frame, c.anchor, c.is_world))
+            Named(n, self._world_frame if c.is_world else self._frame(c.anchor))
             for n, c in zip(numbers, estimate.components, strict=True)
         )
+
+    def _frame(self, anchor: str) -> str:
+        """One that no other robot has: a/b and a_b would have the same."""
+        if anchor not in self._frames:
+            frame = wanted = frame_of(self._world_frame, anchor, False)
+            taken, k = set(self._frames.values()), 2
+            while frame in taken:
+                frame, k = f"{wanted}_{k}", k + 1
+            self._frames[anchor] = frame
+        return self._frames[anchor]
 
     def _numbers(self, components: Sequence[frozenset[str]]) -> list[int]:
         numbers: list[int] = []

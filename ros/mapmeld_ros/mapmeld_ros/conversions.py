@@ -9,22 +9,17 @@ from collections.abc import Sequence
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose, PoseWithCovariance, TransformStamped
-from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 from numpy.typing import NDArray
 
-from mapmeld import OccupancyGrid
-from mapmeld_ros.checks import (
-    MAX_CELLS,
-    BadMessage,
-    checked_cells,
-    checked_origin,
-    checked_resolution,
-    checked_size,
-)
+from mapmeld import OccupancyGrid, grid_message
+from mapmeld.grid_message import BadMessage
 
 Vector = Sequence[float] | NDArray[np.float64]
 """(x, y, theta), metres and radians."""
+
+MAX_CELLS = 64_000_000
+"""Largest number of cells of a robot's map that is used: 8000 x 8000, a square of 400 m at 5 cm."""
 
 # Where x, y and yaw stand in a 6 x 6 covariance of (x, y, z, roll, pitch, yaw).
 _PLANAR = (0, 1, 5)
@@ -32,10 +27,13 @@ _PLANAR = (0, 1, 5)
 
 def grid_from_message(msg: OccupancyGridMsg, name: str, max_cells: int = MAX_CELLS) -> OccupancyGrid:
     """The grid in a message. Raises BadMessage, naming the field, for one that cannot be used."""
-    height, width = checked_size(msg, max_cells)
-    resolution = checked_resolution(msg.info.resolution)
-    origin = checked_origin(msg.info.origin)
-    return OccupancyGrid(checked_cells(msg.data, height, width), resolution, origin, name)
+    width, height = msg.info.width, msg.info.height
+    if width * height > max_cells:
+        raise BadMessage(
+            "info.width",
+            f"{width} x {height} cells are more than the {max_cells} that max_map_cells allows",
+        )
+    return grid_message.grid_from_message(msg, name)
 
 
 def grid_to_message(grid: OccupancyGrid, frame: str, stamp: Time) -> OccupancyGridMsg:
@@ -51,27 +49,6 @@ def grid_to_message(grid: OccupancyGrid, frame: str, stamp: Time) -> OccupancyGr
     # An array of type b is taken as it is; everything else is looked at cell by cell.
     msg.data = array("b", grid.data.tobytes())
     return msg
-
-
-def apply_update(grid: OccupancyGrid, msg: OccupancyGridUpdate) -> OccupancyGrid:
-    """The grid with the part that the update holds. Raises BadMessage for one that does not fit the grid."""
-    for field, first, size, whole in (
-        ("x", msg.x, msg.width, grid.width),
-        ("y", msg.y, msg.height, grid.height),
-    ):
-        if first < 0 or first + size > whole:
-            raise BadMessage(
-                field,
-                f"cells {first} to {first + size} do not lie in the map's 0 to {whole}; awaiting a whole map",
-            )
-    if len(msg.data) != msg.width * msg.height:
-        raise BadMessage("data", f"{len(msg.data)} cells, width x height is {msg.width} x {msg.height}")
-    if not msg.data:
-        return grid
-    cells = np.array(grid.data)
-    part = checked_cells(msg.data, msg.height, msg.width)
-    cells[msg.y : msg.y + msg.height, msg.x : msg.x + msg.width] = part
-    return OccupancyGrid(cells, grid.resolution, grid.origin, grid.name)
 
 
 def pose_message(pose: Vector) -> Pose:

@@ -23,7 +23,8 @@ class EstimationWorker:
     what is there now: never are two estimates under way or waiting. What pairs had been compared stays known,
     and the next one has twice the time, so that maps that come without pause cannot keep one from ending.
 
-    on_estimate: hears each estimate. on_error: hears what an estimate raised; the next change tries again.
+    on_estimate: hears each estimate. on_error: hears what an estimate or on_estimate raised; the next change
+    tries again.
     Both are called on the worker's thread.
     """
 
@@ -67,20 +68,19 @@ class EstimationWorker:
 
     def _run(self) -> None:
         while self._wait():
-            are_done, self._are_done = self._are_done, False
+            with self._condition:
+                are_done, self._are_done = self._are_done, False
             try:
                 estimate = self._estimator.estimate(self._progress, are_done)
+                self._patience = 1.0
+                self._on_estimate(estimate)
             except Superseded:
                 self.superseded += 1
                 self._patience *= _PATIENCE_GROWTH
                 with self._condition:
                     self._is_urgent = True
-                continue
             except Exception as error:  # one bad estimate must not end all later ones
                 self._on_error(error)
-                continue
-            self._patience = 1.0
-            self._on_estimate(estimate)
 
     def _wait(self) -> bool:
         """Until there is something to do; False when it is time to stop."""

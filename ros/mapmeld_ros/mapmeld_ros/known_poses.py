@@ -35,8 +35,8 @@ def known_pose(robot: str, get: Callable[[str], Any], sigma_xy: float, sigma_yaw
     """The known pose of a robot, None when it has none.
 
     get: the value of a parameter, None for one that is not set. sigma_xy, sigma_yaw: for a robot that has
-    none of its own. Raises BadKnownPose when x, y or yaw is missing while another is there, and for what is
-    no number.
+    none of its own. Raises BadKnownPose when x, y or yaw is missing while another is there, for what is no
+    number, and for a negative standard deviation.
     """
     values = {what: get(parameter_name(robot, what)) for what in (*AXES, *SIGMAS)}
     if all(values[axis] is None for axis in AXES):
@@ -49,6 +49,8 @@ def known_pose(robot: str, get: Callable[[str], Any], sigma_xy: float, sigma_yaw
             )
         if value is not None and not is_number:
             raise BadKnownPose(f"{parameter_name(robot, what)}: {value!r} is not a finite number")
+        if value is not None and what in SIGMAS and value < 0:
+            raise BadKnownPose(f"{parameter_name(robot, what)}: {value!r} is negative; 0 stands for exact")
     xy = sigma_xy if values["sigma_xy"] is None else float(values["sigma_xy"])
     yaw = sigma_yaw if values["sigma_yaw"] is None else float(values["sigma_yaw"])
     pose = (float(values["x"]), float(values["y"]), float(values["yaw"]))

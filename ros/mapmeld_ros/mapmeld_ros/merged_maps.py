@@ -9,6 +9,7 @@ from typing import Any
 
 from mapmeld import Estimate, OccupancyGrid, fuse
 from mapmeld.errors import MapmeldError
+from mapmeld.grid import UNKNOWN
 from mapmeld_ros.components import Named
 from mapmeld_ros.extent import grown
 
@@ -24,6 +25,9 @@ class MergedMaps:
         # By the component's frame: the cells of one frame are offset by whole cells from each other.
         self._published: dict[str, OccupancyGrid] = {}
         self._numbers: dict[str, int] = {}
+        self.problems: dict[str, str] = {}
+        """Frames of components whose merged map could not be made in the last call, and why; what was made
+        before stays."""
 
     def changed(
         self, estimate: Estimate, names: Sequence[Named], grids: Mapping[str, OccupancyGrid]
@@ -35,21 +39,27 @@ class MergedMaps:
         poses = {r.name: r.T_world_map for r in estimate.robots if r.T_world_map is not None}
         current: dict[str, OccupancyGrid] = {}
         changed = []
+        problems = {}
         for component, named in zip(estimate.components, names, strict=True):
             members = set(component.names)
             placed = [(g, poses[n]) for n, g in grids.items() if n in members and n in poses]
-            try:
-                merged = fuse(placed, config=self._config)
-            except MapmeldError:
+            if not any((g.data != UNKNOWN).any() for g, _ in placed):
                 # The robots of it have left, or have lost all their cells, since the estimate.
                 continue
             earlier = self._published.get(named.frame)
-            merged = grown(merged, earlier)
+            try:
+                merged = grown(fuse(placed, config=self._config), earlier)
+            except MapmeldError as error:
+                problems[named.frame] = str(error)
+                if earlier is None:
+                    continue
+                merged = earlier
             if earlier is None or self._numbers[named.frame] != named.number or not is_same(merged, earlier):
                 changed.append((named, merged))
             current[named.frame] = merged
         self._numbers = {named.frame: named.number for named in names if named.frame in current}
         self._published = current
+        self.problems = problems
         return changed
 
     def by_frame(self) -> dict[str, OccupancyGrid]:

@@ -64,8 +64,10 @@ class MapMerge(LifecycleNode):
         if not self.has_parameter(name):
             # What a file or the command line says of it takes effect when it is declared.
             self._is_declaring = True
-            self.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
-            self._is_declaring = False
+            try:
+                self.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
+            finally:
+                self._is_declaring = False
         return self.get_parameter(name).value
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -78,7 +80,7 @@ class MapMerge(LifecycleNode):
         self._publishing = Publishing(
             self, self._in_effect.merged_map_topic, self._in_effect.publish_tf == "static"
         )
-        self._answers = Services(self, self._session, self._re_estimate)
+        self._answers = Services(self, self._session, self._estimate, self._re_estimate)
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -124,11 +126,14 @@ class MapMerge(LifecycleNode):
                 part.close()
         self._session = self._publishing = self._answers = None
 
-    def _re_estimate(self) -> bool:
+    def _estimate(self, maps_are_done: bool = False) -> bool:
         if self._active is None:
             return False
-        self._active.request_estimate()
+        self._active.request_estimate(maps_are_done=maps_are_done)
         return True
+
+    def _re_estimate(self) -> bool:
+        return self._estimate(maps_are_done=True)
 
     def _may_set(self, changes: list[Parameter[Any]]) -> SetParametersResult:
         for change in changes:

@@ -59,26 +59,13 @@ class Publishing:
     def transforms(self, plan: Plan, stamp: Time) -> None:
         """Publishes the transforms; static ones only when they have changed."""
         with self._lock:
-            for topic in {*plan.topics, *self._transforms}:
-                links = plan.topics.get(topic, ())
-                if self._is_tf_static and links == self._plan.topics.get(topic, ()):
-                    continue
-                if topic not in self._transforms:
-                    qos = LATCHED if self._is_tf_static else _TF_QOS
-                    self._transforms[topic] = self._node.create_publisher(TFMessage, topic, qos)
-                msg = TFMessage(
-                    transforms=[
-                        transform_message(one.T_parent_map, one.parent, one.map_frame, stamp) for one in links
-                    ]
-                )
-                self.others.publish(msg)
-                self._transforms[topic].publish(msg)
-            self._plan = plan
+            self._send(plan, stamp)
 
     def again(self, stamp: Time) -> None:
         """Publishes transforms that are not static once more, with a new stamp."""
-        if not self._is_tf_static:
-            self.transforms(self._plan, stamp)
+        with self._lock:
+            if not self._is_tf_static:
+                self._send(self._plan, stamp)
 
     def estimate(self, msg: MergeEstimate) -> None:
         self._estimate.publish(msg)
@@ -97,6 +84,24 @@ class Publishing:
                 self._node.destroy_publisher(publisher)
             self._maps.clear()
             self._transforms.clear()
+
+    def _send(self, plan: Plan, stamp: Time) -> None:
+        for topic in {*plan.topics, *self._transforms}:
+            links = plan.topics.get(topic, ())
+            if self._is_tf_static and links == self._plan.topics.get(topic, ()):
+                continue
+            if topic not in self._transforms:
+                qos = LATCHED if self._is_tf_static else _TF_QOS
+                self._transforms[topic] = self._node.create_publisher(TFMessage, topic, qos)
+            msg = TFMessage(
+                transforms=[
+                    transform_message(one.T_parent_map, one.parent, one.map_frame, stamp) for one in links
+                ]
+            )
+            if topic == "/tf_static":
+                self.others.publish(msg)
+            self._transforms[topic].publish(msg)
+        self._plan = plan
 
     def _map_publisher(self, number: int) -> Publisher[OccupancyGridMsg]:
         if number not in self._maps:

@@ -11,8 +11,8 @@ from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid as OccupancyGridMsg
 
 from mapmeld import OccupancyGrid
-from mapmeld_ros.checks import MAX_CELLS, BadMessage
-from mapmeld_ros.conversions import apply_update, grid_from_message
+from mapmeld.grid_message import BadMessage, apply_updates
+from mapmeld_ros.conversions import MAX_CELLS, grid_from_message
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,13 @@ class Robots:
         return self._take(name, msg, now, lambda robot: grid_from_message(msg, name, self._max_cells))
 
     def take_update(self, name: str, msg: OccupancyGridUpdate, now: float) -> OccupancyGrid | None:
-        """The robot's grid with a part replaced; None for a robot that has left or has no whole map yet."""
+        """The robot's grid with a part replaced; None for a robot that has left or has no whole map yet.
+
+        An update without a frame is of the map as it is. Raises BadMessage.
+        """
 
         def updated(robot: Robot) -> OccupancyGrid | None:
-            return None if robot.grid is None else apply_update(robot.grid, msg)
+            return None if robot.grid is None else apply_updates(robot.grid, [msg])
 
         return self._take(name, msg, now, updated)
 
@@ -90,7 +93,9 @@ class Robots:
             return None
         try:
             frame = msg.header.frame_id
-            if robot.grid is not None and frame != robot.frame:
+            if not frame and isinstance(msg, OccupancyGridUpdate):
+                frame = robot.frame
+            if robot.grid is not None and frame.strip("/") != robot.frame.strip("/"):
                 raise BadMessage(
                     "header.frame_id",
                     f"{frame!r}, was {robot.frame!r}; a robot's map frame cannot change while it is known",

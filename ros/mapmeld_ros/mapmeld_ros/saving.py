@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from mapmeld import OccupancyGrid, write_map
-from mapmeld.output import RESULT, OutputFolder
+from mapmeld.output import RESULT, OutputFolder, saying
+from mapmeld.replay_files import result_of_estimate
 from mapmeld_ros.robots import Robot
 from mapmeld_ros.session import Known, Refused
 
@@ -32,47 +33,28 @@ def save(
                 write_map(out.staged / f"{name}.yaml", merged[named.frame])
                 files[named.frame] = f"{name}.yaml"
         content = json.dumps(result_content(known, files, robots), indent=1, allow_nan=False)
-        (out.staged / RESULT).write_text(content + "\n", encoding="ascii")
-        written = sorted(path.name for path in out.staged.iterdir())
+        with saying(out.folder / RESULT):
+            (out.staged / RESULT).write_text(content + "\n", encoding="ascii")
+            written = sorted(path.name for path in out.staged.iterdir())
         out.commit()
         return [str(out.folder / name) for name in written]
 
 
 def result_content(known: Known, files: Mapping[str, str], robots: tuple[Robot, ...]) -> dict[str, Any]:
-    """The keys of result.json: the evidence as the merge itself says it, places as they are held.
+    """The keys of result.json as a replay writes them: hypotheses and probability are of the places that are
+    held, in their frames.
 
-    files: the map file of a component's frame. `frame` and `topic` are added to what docs/result.md
-        describes.
+    files: the map file of a component's frame. `frame` and `is_world` are added to what docs/result.md
+    describes.
     """
-    estimate = known.estimate
-    assert estimate.result is not None
-    content = estimate.result.to_dict()
-    by_name = {r.name: r for r in robots}
-    content["maps"] = [
-        {
-            "name": r.name,
-            "component": r.component,
-            "T_component_map": None if r.T_world_map is None else r.T_world_map.tolist(),
-            "covariance": None if r.covariance is None else r.covariance.tolist(),
-            "status": r.status,
-            "probability": float(r.probability),
-            "reason": r.reason,
-            "frame": by_name[r.name].frame if r.name in by_name else None,
-        }
-        for r in estimate.robots
-    ]
-    content["components"] = [
-        {
-            "reference": c.anchor,
-            "order": list(c.names),
-            "rms_m": None,
-            "merged": files.get(named.frame),
-            "shared_cells": None,
-            "conflict_cells": None,
-            "frame": named.frame,
-            "is_world": c.is_world,
-        }
-        for c, named in zip(estimate.components, known.names, strict=True)
-    ]
-    content["order"] = list(estimate.components[0].names) if estimate.components else []
+    content = result_of_estimate(known.estimate, {}).to_dict()
+    frames = {r.name: r.frame for r in robots}
+    for placed in content["maps"]:
+        placed["frame"] = frames.get(placed["name"])
+    for component in content["components"]:
+        component |= {"merged": None, "frame": None, "is_world": False}
+    # Blank maps come after these, in components of their own that have no frame.
+    held = zip(known.estimate.components, known.names, strict=True)
+    for component, (c, named) in zip(content["components"], held, strict=False):
+        component |= {"merged": files.get(named.frame), "frame": named.frame, "is_world": c.is_world}
     return content

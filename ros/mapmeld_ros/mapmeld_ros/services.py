@@ -17,11 +17,19 @@ from mapmeld_ros.session import MergeSession, Refused
 class Services:
     """Answers on ~/save, ~/re_estimate, ~/pin and ~/unpin.
 
-    re_estimate: asks for an estimate at once; False while the node is not active.
+    estimate: asks for an estimate at once. re_estimate: the same, taking the maps for done. Both are False
+    while the node is not active.
     """
 
-    def __init__(self, node: Node, session: MergeSession, re_estimate: Callable[[], bool]) -> None:
-        self._node, self._session, self._re_estimate = node, session, re_estimate
+    def __init__(
+        self,
+        node: Node,
+        session: MergeSession,
+        estimate: Callable[[], bool],
+        re_estimate: Callable[[], bool],
+    ) -> None:
+        self._node, self._session = node, session
+        self._estimate, self._re_estimate = estimate, re_estimate
         self._services = [
             node.create_service(SaveMaps, "~/save", self._save),
             node.create_service(Trigger, "~/re_estimate", self._trigger),
@@ -59,7 +67,7 @@ class Services:
         except Refused as error:
             response.message = str(error)
             return response
-        self._re_estimate()
+        self._estimate()
         response.success = True
         response.message = f"{request.robot} is pinned at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad"
         return response
@@ -70,6 +78,6 @@ class Services:
         except Refused as error:
             response.message = str(error)
             return response
-        self._re_estimate()
+        self._estimate()
         response.success, response.message = True, f"{request.robot} is placed by its walls"
         return response

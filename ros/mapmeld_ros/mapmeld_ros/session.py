@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,9 @@ from mapmeld_ros.known_poses import BadKnownPose, KnownPose, known_pose, legacy_
 from mapmeld_ros.merged_maps import MergedMaps, is_same
 from mapmeld_ros.parameters import Parameters
 from mapmeld_ros.robots import Robots
+
+# Doubt that no link has to be below.
+_LEAST_DOUBT = 1e-9
 
 
 class Refused(Exception):
@@ -50,6 +54,9 @@ class MergeSession:
         # Robots that are pinned, by users or because their known poses are exact.
         self._pinned: set[str] = set()
         self._pinned_by_user: set[str] = set()
+        # Robots whose known poses stand, and exact ones that users freed robots from.
+        self._posed: set[str] = set()
+        self._freed: dict[str, KnownPose] = {}
         self._is_settled = False
         self._known = Known(Estimate((), (), None, 0, 0.0), ())
 
@@ -104,26 +111,36 @@ class MergeSession:
         robot = self.robots.leave(name)
         self._pinned_by_user.discard(name)
         self._pinned.discard(name)
+        self._posed.discard(name)
+        self._freed.pop(name, None)
         if robot is not None and robot.grid is not None and self._is_settled:
             self.estimator.remove(name)
 
     def place_known(self, name: str) -> KnownPose | None:
-        """Tells the estimator the robot's known pose, if it has one and no user pinned it.
+        """Tells the estimator the robot's known pose, if it has one and no user pinned the robot or freed it
+        from that one.
 
-        Raises BadKnownPose.
+        Raises BadKnownPose, which says too what becomes of the robot: an earlier pose stays.
         """
         robot = self.robots.get(name)
         if robot is None or robot.grid is None or name in self._pinned_by_user:
             return None
-        p = self._parameters
-        found = None
-        if p.known_init_poses:
-            found = known_pose(name, self._get_parameter, p.init_pose_sigma_xy, p.init_pose_sigma_yaw)
+        try:
+            found = self._known_pose(name)
+        except BadKnownPose as error:
+            rest = "its earlier pose stays" if name in self._posed else "its map is placed by its walls"
+            raise BadKnownPose(f"{error}; {rest}") from None
+        if found is not None and self._freed.get(name) == found:
+            return None
+        self._freed.pop(name, None)
         if found is None:
+            self._posed.discard(name)
             self._let_go(name)
             self.estimator.set_prior(name, None)
             return None
-        pose = legacy_pose(found.pose, robot.grid) if p.legacy_init_poses else found.pose
+        self._posed.add(name)
+        is_legacy = self._parameters.legacy_init_poses
+        pose = legacy_pose(found.pose, robot.grid) if is_legacy else found.pose
         if found.sigma is None:
             self.estimator.set_prior(name, None)
             self.estimator.pin(name, pose)
@@ -153,6 +170,14 @@ class MergeSession:
         if name not in self._pinned:
             raise Refused(f"{name!r} is not pinned")
         self._let_go(name)
+        self._posed.discard(name)
+        # Its walls are what places it if its known pose is of no use.
+        with contextlib.suppress(BadKnownPose):
+            known = self._known_pose(name)
+            if known is not None and known.sigma is None:
+                # Nothing but another pose pins it again, least of all its own map that grows.
+                self._freed[name] = known
+            self.place_known(name)
 
     def grids(self) -> dict[str, OccupancyGrid]:
         """The robots' newest maps, those that joined first in front."""
@@ -178,6 +203,12 @@ class MergeSession:
         if before.grid is None or (is_legacy and before.grid.origin != grid.origin):
             self.place_known(name)
         return True
+
+    def _known_pose(self, name: str) -> KnownPose | None:
+        p = self._parameters
+        if not p.known_init_poses:
+            return None
+        return known_pose(name, self._get_parameter, p.init_pose_sigma_xy, p.init_pose_sigma_yaw)
 
     def _let_go(self, name: str) -> None:
         if name in self._pinned:
@@ -206,7 +237,9 @@ class MergeSession:
 
 def hold(parameters: Parameters) -> Hold:
     """How clear a new link must be while maps grow, by estimation_confidence as in merge_options."""
-    return Hold(join=1.0 - (1.0 - Hold().join) ** parameters.estimation_confidence)
+    doubt = (1.0 - Hold().join) ** parameters.estimation_confidence
+    # Nothing is told as likely as one, which the doubt would make of it in floating point.
+    return Hold(join=1.0 - max(doubt, _LEAST_DOUBT))
 
 
 def merge_options(parameters: Parameters) -> Mapping[str, Any]:

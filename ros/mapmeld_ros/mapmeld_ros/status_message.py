@@ -8,11 +8,10 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from mapmeld_msgs.msg import MergeEstimate, RobotPlacement
 
+from mapmeld_ros.result_message import WAITING
 from mapmeld_ros.robots import Robot
 
 _GOOD = frozenset({"merged", "prior", "pinned"})
-# Before it, a robot that is alone, or that waits, is nothing to worry about.
-_WAITING = "waiting"
 
 
 def diagnostics_message(
@@ -54,7 +53,7 @@ def _whole(node: str, msg: MergeEstimate, robots: Sequence[Robot], error: str) -
 def _of_robot(
     node: str, robot: Robot, placed: RobotPlacement | None, problem: str, now: float
 ) -> DiagnosticStatus:
-    word = placed.status if placed is not None else _WAITING
+    word = placed.status if placed is not None else WAITING
     status = DiagnosticStatus(name=f"{node}: robot {robot.name}", hardware_id=robot.name)
     is_good = word in _GOOD and not robot.bad and not problem
     status.level = DiagnosticStatus.OK if is_good else DiagnosticStatus.WARN

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,10 @@ from tf2_msgs.msg import TFMessage
 
 from mapmeld_ros.conversions import Vector
 from mapmeld_ros.discovery import in_namespace
+from mapmeld_ros.qos import ALL_LATCHED
+
+Key = tuple[str, str, tuple[float, ...]]
+"""Parent, child, and the numbers between them."""
 
 
 @dataclass(frozen=True)
@@ -38,30 +43,43 @@ class Others:
     """Static transforms that somebody else publishes in the global tree: their frames have a parent."""
 
     def __init__(self) -> None:
-        self._own: set[tuple[str, str, tuple[float, ...]]] = set()
+        # The newest is what stands; those before it may still wait in the subscription's queue.
+        self._recent: deque[frozenset[Key]] = deque(maxlen=ALL_LATCHED.depth)
+        self._own: frozenset[Key] = frozenset()
         self._parents: dict[str, str] = {}
+        self._heard_again: dict[str, str] | None = None
 
     def publish(self, msg: TFMessage) -> None:
         """Notes what this node publishes, so that it is not taken for somebody else's when it is heard."""
-        self._own |= {_key(t) for t in msg.transforms}
+        self._recent.append(frozenset(_key(t) for t in msg.transforms))
+        # In one step: another thread may be hearing.
+        self._own = frozenset().union(*self._recent)
 
     def hear(self, msg: TFMessage) -> bool:
         """Notes what is published; whether there is something new of somebody else."""
         found = {t.child_frame_id: t.header.frame_id for t in msg.transforms if _key(t) not in self._own}
         is_new = not found.items() <= self._parents.items()
-        self._parents |= found
+        self._parents = self._parents | found
+        if self._heard_again is not None:
+            self._heard_again |= found
         return is_new
 
+    def listen_again(self) -> None:
+        """All that stands is about to be heard once more, see forget."""
+        self._heard_again = {}
+
     def forget(self) -> bool:
-        """Nobody else publishes static transforms any more; whether somebody did."""
-        had, self._parents = bool(self._parents), {}
-        return had
+        """Forgets what has not been heard since listen_again; whether there was such."""
+        if self._heard_again is None:
+            return False
+        had, self._parents, self._heard_again = self._parents, self._heard_again, None
+        return had != self._parents
 
     def parent_of(self, frame: str) -> str | None:
         return self._parents.get(frame)
 
 
-def _key(t: TransformStamped) -> tuple[str, str, tuple[float, ...]]:
+def _key(t: TransformStamped) -> Key:
     v, r = t.transform.translation, t.transform.rotation
     return t.header.frame_id, t.child_frame_id, (v.x, v.y, v.z, r.x, r.y, r.z, r.w)
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from tf2_msgs.msg import TFMessage
 
 from mapmeld_ros.discovery import TF_TYPE, with_own_tf
 from mapmeld_ros.publishing import Publishing
 from mapmeld_ros.qos import ALL_LATCHED
-from mapmeld_ros.session import MergeSession
+from mapmeld_ros.session import Known, MergeSession
 from mapmeld_ros.transforms import Link, link, plan
 
 if TYPE_CHECKING:
     from mapmeld_ros.node import MapMerge
+
+# In which a new subscription hears what is latched, on a network too.
+_HEAR_AGAIN_SECONDS = 1.0
 
 Topics = Sequence[tuple[str, Sequence[str]]]
 """Names and types of topics."""
@@ -35,7 +42,13 @@ class Tree:
     ) -> None:
         self._node, self._session, self._publishing, self._warn = node, session, publishing, warn
         self._own_tf: set[str] = set()
-        self._subscription = node.create_subscription(TFMessage, "/tf_static", self._hear, ALL_LATCHED)
+        # What is published is what was known last, whichever thread publishes.
+        self._lock = threading.Lock()
+        self._sources: set[bytes] = set()
+        # What was heard before a pause may be gone.
+        publishing.others.listen_again()
+        self._forgets: float | None = time.monotonic() + _HEAR_AGAIN_SECONDS
+        self._subscription = self._listen()
         self.problems: dict[str, str] = {}
         """Robots that get no transform, and why."""
 
@@ -43,29 +56,43 @@ class Tree:
         self._node.destroy_subscription(self._subscription)
 
     def follow(self, topics: Topics) -> None:
-        """Publishes anew when another robot has a tree of its own now, or nobody else publishes any more."""
+        """Publishes anew when another robot has a tree of its own now, or a foreign transform has gone."""
         own = self._with_own_tf(topics)
-        is_alone = not self._is_of_others("/tf_static", [TF_TYPE])
-        if own != self._own_tf or (is_alone and self._publishing.others.forget()):
+        now = time.monotonic()
+        sources = {bytes(p.endpoint_gid) for p in self._others("/tf_static")}
+        if self._sources - sources:
+            # Messages do not say whose they are. A new subscription hears those that are latched by the
+            # publishers that are left.
+            self._publishing.others.listen_again()
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = self._listen()
+            self._forgets = now + _HEAR_AGAIN_SECONDS
+        self._sources = sources
+        has_forgotten = False
+        if self._forgets is not None and (now >= self._forgets or not sources):
+            self._forgets = None
+            has_forgotten = self._publishing.others.forget()
+        if own != self._own_tf or has_forgotten:
             self._own_tf = own
             self.publish()
 
     def publish(self) -> None:
         """Publishes what has changed."""
-        known, mode = self._session.known, self._node.parameters.publish_tf
+        mode = self._node.parameters.publish_tf
         if mode == "off":
             return
-        frames = [named.frame for named in known.names]
         topic = "tf_static" if mode == "static" else "tf"
-        planned = plan(self._links(), topic, frames, self._publishing.others)
-        self._publishing.transforms(planned, self._node.stamp())
-        self.problems = planned.problems
+        with self._lock:
+            known = self._session.known
+            frames = [named.frame for named in known.names]
+            planned = plan(self._links(known), topic, frames, self._publishing.others)
+            self._publishing.transforms(planned, self._node.stamp())
+            self.problems = planned.problems
         for name, problem in planned.problems.items():
             self._warn(name, f"robot {name!r}: no transform: {problem}")
 
-    def _links(self) -> list[Link]:
+    def _links(self, known: Known) -> list[Link]:
         """Those of robots that joined first in front: a frame that two claim stays with the first."""
-        known = self._session.known
         placed = {r.name: r for r in known.estimate.robots}
         links = []
         for robot in self._session.robots.all():
@@ -81,16 +108,18 @@ class Tree:
         robots = {r.name for r in self._session.robots.all()}
         if mode != "auto":
             return robots if mode == "always" else set()
-        others = [(name, types) for name, types in topics if self._is_of_others(name, types)]
+        others = [(name, types) for name, types in topics if TF_TYPE in types and self._others(name)]
         # A robot that had a tree of its own keeps it while its publishers restart.
         return self._own_tf & robots | with_own_tf(others, robots)
 
-    def _is_of_others(self, topic: str, types: Sequence[str]) -> bool:
-        """Whether somebody but this node publishes a transform topic."""
+    def _others(self, topic: str) -> list[TopicEndpointInfo]:
+        """Those publishers of a topic that are not this node's."""
         me = (self._node.get_namespace(), self._node.get_name())
-        return TF_TYPE in types and any(
-            (p.node_namespace, p.node_name) != me for p in self._node.get_publishers_info_by_topic(topic)
-        )
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        return [p for p in publishers if (p.node_namespace, p.node_name) != me]
+
+    def _listen(self) -> Subscription[TFMessage]:
+        return self._node.create_subscription(TFMessage, "/tf_static", self._hear, ALL_LATCHED)
 
     def _hear(self, msg: TFMessage) -> None:
         if self._publishing.others.hear(msg):

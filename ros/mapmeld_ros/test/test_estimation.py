@@ -133,6 +133,26 @@ def test_an_error_is_told_and_the_next_change_tries_again() -> None:
     assert [str(e) for e in heard.errors] == ["map 'a': too large"]
 
 
+def test_what_the_listener_raises_is_told_and_the_thread_goes_on() -> None:
+    heard = Heard()
+
+    def take(estimate: Estimate) -> None:
+        heard.estimate(estimate)
+        if len(heard.estimates) == 1:
+            raise RuntimeError("no publisher")
+
+    worker = EstimationWorker(Estimator(), lambda: 100.0, lambda: 10.0, take, heard.errors.append)
+    worker.start()
+    try:
+        worker.request()
+        heard.wait(lambda: heard.errors)
+        worker.request()
+        heard.wait(lambda: len(heard.estimates) == 2)
+    finally:
+        worker.stop()
+    assert [str(e) for e in heard.errors] == ["no publisher"]
+
+
 @pytest.mark.parametrize("times", [1, 2])
 def test_a_worker_may_be_stopped_again(times: int) -> None:
     with working(Estimator()) as (worker, _):

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from mapmeld_msgs.srv import PinRobot, UnpinRobot
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -128,7 +130,23 @@ def test_a_known_pose_may_change_while_the_node_runs(graph: Graph) -> None:
         parameters=[Parameter(name="/hall/map_merge/init_pose_x", value=value)],
     )
     assert answer.results[0].successful, answer
-    graph.wait("the new pose", lambda: graph.tree()["hall/map"][1] == (5.0, 2.0, 0.0))
+    graph.wait("the new pose", lambda: graph.tree().get("hall/map") == ("world", (5.0, 2.0, 0.0)))
+
+
+def test_a_known_pose_may_change_during_a_pause(graph: Graph) -> None:
+    fleet = graph.fleet()
+    graph.node(**init_pose("hall", 1.0, 2.0, 0.0))
+    graph.publish(fleet, rooms.hall())
+    graph.wait_status(hall="pinned")
+    service, pause = "/map_merge/change_state", Transition.TRANSITION_DEACTIVATE
+    assert graph.call(ChangeState, service, transition=Transition(id=pause)).success
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=5.0)
+    changes = [Parameter(name="/hall/map_merge/init_pose_x", value=value)]
+    answer = graph.call(SetParameters, "/map_merge/set_parameters", parameters=changes)
+    assert answer.results[0].successful, answer
+    go_on = Transition(id=Transition.TRANSITION_ACTIVATE)
+    assert graph.call(ChangeState, service, transition=go_on).success
+    graph.wait("the new pose", lambda: graph.tree().get("hall/map") == ("world", (5.0, 2.0, 0.0)))
 
 
 def test_a_known_pose_gives_the_same_world_after_twenty_restarts(graph: Graph) -> None:

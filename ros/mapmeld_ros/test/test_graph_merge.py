@@ -8,6 +8,7 @@ import pytest
 import rooms
 from graph import Graph
 from mapmeld import se2
+from mapmeld.config import default_config
 from mapmeld_ros.conversions import grid_from_message
 
 
@@ -39,7 +40,7 @@ def test_three_robots_are_one_map_and_one_tree(graph: Graph) -> None:
     for robot in estimate.robots:
         assert robot.has_pose
         assert robot.component_frame == "world"
-        assert 0.8 <= robot.probability <= 1.0
+        assert default_config()["evidence"]["min_probability"] <= robot.probability <= 1.0
         assert robot.reason
         pose = robot.pose.pose
         assert (pose.position.x, pose.position.y) == tuple(placed(graph, robot.robot)[:2])

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from mapmeld_msgs.srv import SaveMaps
+from mapmeld_msgs.srv import PinRobot, SaveMaps, UnpinRobot
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.executors import SingleThreadedExecutor
@@ -20,7 +21,8 @@ from std_srvs.srv import Trigger
 
 import rooms
 from graph import Graph
-from mapmeld import read_map
+from mapmeld import Estimate, read_map
+from mapmeld.config import default_config
 from mapmeld_ros.node import MapMerge
 from mapmeld_ros.parameters import Parameters
 
@@ -162,6 +164,17 @@ def test_save_writes_all_files_or_none(graph: Graph, tmp_path: Path) -> None:
         parent, pose = tree[placed["frame"]]
         assert parent == result["components"][placed["component"]]["frame"]
         np.testing.assert_allclose(placed["T_component_map"], pose, atol=1e-9)
+    # All of it speaks of the same components, in the same frames.
+    assert {c["frame"]: c["is_world"] for c in result["components"]} == {
+        c.frame: c.is_world for c in graph.estimates[-1].components
+    }
+    maps = {m["name"]: m for m in result["maps"]}
+    assert result["probability"] == pytest.approx(maps["left"]["probability"] * maps["middle"]["probability"])
+    for placed in result["hypotheses"][0]["maps"]:
+        if placed["name"] in [c["reference"] for c in result["components"]]:
+            np.testing.assert_allclose(
+                placed["T_component_map"], maps[placed["name"]]["T_component_map"], atol=1e-9
+            )
 
     # Again over its own files, but not beside those of others.
     assert graph.call(SaveMaps, "/map_merge/save", folder=str(folder)).success
@@ -170,6 +183,10 @@ def test_save_writes_all_files_or_none(graph: Graph, tmp_path: Path) -> None:
     assert not refused.success
     assert "notes.txt" in refused.message
     assert graph.call(SaveMaps, "/map_merge/save", folder=str(folder), force=True).success
+    # What the operating system says is the answer.
+    refused = graph.call(SaveMaps, "/map_merge/save", folder="/proc/site")
+    assert not refused.success
+    assert "/proc/site: cannot be written" in refused.message
     refused = graph.call(SaveMaps, "/map_merge/save", folder="")
     assert "folder: is empty" in refused.message
 
@@ -185,6 +202,36 @@ def test_re_estimate_does_not_wait_for_the_rate(graph: Graph) -> None:
     assert graph.estimates[-1].robots[-1].status == "waiting"
     assert graph.call(Trigger, "/map_merge/re_estimate").success
     graph.wait_status(left="merged", middle="merged")
+
+
+def test_only_re_estimate_takes_the_maps_for_done(graph: Graph) -> None:
+    """A pin among robots that explore must not lower what the links of all others need."""
+    fleet = graph.fleet()
+    said: list[bool] = []
+    args = ["--ros-args", "-p", "quiet_time:=0.0", "-p", "estimation_rate:=50.0", "-p", "discovery_rate:=2.0"]
+    node = MapMerge(context=graph.context, cli_args=args, use_global_arguments=False)
+    graph.executor.add_node(node)
+    try:
+        graph.publish(fleet, rooms.hall())
+        graph.wait_status(hall="no evidence")
+        estimator = node._session.estimator
+        estimate = estimator.estimate
+
+        def heard(progress: Any, maps_are_done: bool) -> Estimate:
+            said.append(maps_are_done)
+            return estimate(progress, maps_are_done)
+
+        estimator.estimate = heard
+        assert graph.call(PinRobot, "/map_merge/pin", robot="hall", x=1.0).success
+        graph.wait_status(hall="pinned")
+        assert graph.call(UnpinRobot, "/map_merge/unpin", robot="hall").success
+        graph.wait_status(hall="no evidence")
+        assert said == [False] * len(said)
+        assert graph.call(Trigger, "/map_merge/re_estimate").success
+        graph.wait("the last estimate", lambda: said[-1])
+    finally:
+        graph.executor.remove_node(node)
+        node.destroy_node()
 
 
 def test_diagnostics_name_every_robot_and_what_is_wrong(graph: Graph) -> None:
@@ -209,10 +256,10 @@ def test_diagnostics_name_every_robot_and_what_is_wrong(graph: Graph) -> None:
     }
     graph.wait("the levels", lambda: levels() == expected)
     robots = {s.hardware_id: s for s in said[-1].status}
-    assert "info.resolution: -1.0" in robots["left"].message
+    assert "info.resolution: must be a positive number of metres per cell, got -1" in robots["left"].message
     assert "no evidence" in robots["hall"].message
     values = {v.key: v.value for v in robots["middle"].values}
-    assert float(values["probability"]) > 0.8
+    assert float(values["probability"]) >= default_config()["evidence"]["min_probability"]
     assert values["topic"] == "/middle/map"
 
 

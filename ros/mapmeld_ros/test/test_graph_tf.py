@@ -103,6 +103,30 @@ def test_a_frame_that_somebody_else_leads_to_is_left_to_them(graph: Graph) -> No
     graph.wait("both transforms", lambda: sorted(graph.tree()) == ["left/map", "middle/map"])
 
 
+def test_one_foreign_publisher_that_stops_is_forgotten_while_another_stays(graph: Graph) -> None:
+    """Every robot_state_publisher publishes static transforms, and goes on doing so."""
+    fleet, describing = graph.fleet("conflicting"), graph.fleet("describing")
+    node = graph.node()
+    left, middle, _ = rooms.building()
+    latched = {"topic": "/tf_static", "durability": "transient_local"}
+    describing.do(do="tf", parent="elsewhere", child="middle/map", **latched)
+    fleet.do(do="tf", parent="world", child="left/map", **latched)
+    graph.spin(1.0)
+    graph.publish(describing, left)
+    graph.publish(describing, middle)
+    graph.wait_status(left="merged", middle="merged")
+    graph.wait(
+        "the problems", lambda: "'left/map'; stop" in node.said() and "'middle/map'; stop" in node.said()
+    )
+    graph.links["/tf_static"].clear()
+    fleet.do(do="silence", topic="/tf_static")
+    graph.wait("the transform", lambda: "left/map" in graph.tree())
+    graph.spin(1.5)
+    # The other one is still heard, and its frame never got a second parent.
+    sent = [{t.child_frame_id for t in m.transforms} for m in graph.links["/tf_static"]]
+    assert all("middle/map" not in children for children in sent), sent
+
+
 def test_own_transforms_that_change_are_not_taken_for_somebody_elses(graph: Graph) -> None:
     from mapmeld_msgs.srv import PinRobot
 

@@ -43,6 +43,8 @@ def test_standard_deviations_make_it_evidence() -> None:
         ({"x": 1.0, "y": "2", "yaw": 0.0}, "init_pose_y"),
         ({"x": math.nan, "y": 2.0, "yaw": 0.0}, "init_pose_x"),
         ({"x": True, "y": 2.0, "yaw": 0.0}, "init_pose_x"),
+        ({"x": 1.0, "y": 2.0, "yaw": 0.0, "sigma_xy": -0.3, "sigma_yaw": 0.1}, "init_pose_sigma_xy"),
+        ({"x": 1.0, "y": 2.0, "yaw": 0.0, "sigma_xy": 0.3, "sigma_yaw": -0.1}, "init_pose_sigma_yaw"),
     ],
 )
 def test_half_a_pose_is_an_error_that_names_the_parameter(values: dict[str, Any], name: str) -> None:

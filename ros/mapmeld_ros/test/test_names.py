@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from builtin_interfaces.msg import Time
+from tf2_msgs.msg import TFMessage
+
 from mapmeld import Estimate
 from mapmeld.estimate import EstimatedComponent
 from mapmeld_ros.components import ComponentNames, frame_of, topic_of
+from mapmeld_ros.conversions import transform_message
 from mapmeld_ros.transforms import Others, link, plan
 
 
@@ -58,6 +62,44 @@ def test_robots_with_trees_of_their_own_may_share_a_frame_name() -> None:
     found = plan(links, "tf", ["world"], Others())
     assert sorted(found.topics) == ["/a/tf", "/b/tf"]
     assert found.problems == {}
+
+
+def test_no_two_components_share_a_frame() -> None:
+    names = ComponentNames("world")
+    found = names.name(estimate(("a/b",), ("a_b",), world=""))
+    assert [n.frame for n in found] == ["world_a_b", "world_a_b_2"]
+    # And each keeps its own.
+    assert [n.frame for n in names.name(estimate(("a_b",), ("a/b",), world=""))] == [
+        "world_a_b_2",
+        "world_a_b",
+    ]
+
+
+def static(parent: str, child: str, x: float = 0.0) -> TFMessage:
+    return TFMessage(transforms=[transform_message((x, 0.0, 0.0), parent, child, Time())])
+
+
+def test_own_transforms_are_known_again_and_do_not_pile_up() -> None:
+    others = Others()
+    for x in range(1000):
+        others.publish(static("world", "a/map", x))
+    # The newest, and what may wait in the queue.
+    assert not others.hear(static("world", "a/map", 999))
+    assert not others.hear(static("world", "a/map", 950))
+    assert len(others._own) == len(others._recent) < 200
+
+
+def test_what_is_not_heard_again_is_forgotten() -> None:
+    others = Others()
+    assert others.hear(static("world", "a/map"))
+    assert others.hear(static("base", "b/map"))
+    others.listen_again()
+    # Until then both stand.
+    assert others.parent_of("a/map") == "world"
+    assert not others.hear(static("base", "b/map"))
+    assert others.forget()
+    assert (others.parent_of("a/map"), others.parent_of("b/map")) == (None, "base")
+    assert not others.forget()
 
 
 def test_leading_slashes_of_frames_are_dropped() -> None:

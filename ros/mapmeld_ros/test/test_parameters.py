@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from pathlib import Path
 
 import pytest
 
 from mapmeld import MapmeldError
 from mapmeld.config import default_config
+from mapmeld.holding import Hold
 from mapmeld_ros.parameters import Parameters, descriptor, problem
 from mapmeld_ros.session import hold, merge_options
 
@@ -51,22 +54,55 @@ def test_values_that_make_no_sense_are_named(name: str, value: str) -> None:
     assert problem(name, value).startswith(f"{name}: ")
 
 
+USUAL = default_config()["evidence"]["min_probability"]
+
+
 @pytest.mark.parametrize(
-    ("confidence", "probability"), [(0.0, 0.0), (2.0, 0.9775), (3.0, 0.9966), (0.5, 0.6127)]
+    ("confidence", "doubt"),
+    [(0.0, 1.0), (0.5, (1 - USUAL) ** 0.5), (2.0, (1 - USUAL) ** 2), (3.0, (1 - USUAL) ** 3)],
 )
-def test_the_doubt_is_taken_to_the_power_of_the_confidence(confidence: float, probability: float) -> None:
+def test_confidence_is_the_power_of_the_doubt(confidence: float, doubt: float) -> None:
     options = merge_options(Parameters(estimation_confidence=confidence))
-    assert options["evidence"]["min_probability"] == pytest.approx(probability, abs=1e-4)
+    assert options["evidence"]["min_probability"] == pytest.approx(1.0 - doubt, abs=1e-12)
 
 
-@pytest.mark.parametrize(("confidence", "join"), [(0.0, 0.0), (0.5, 0.9), (1.0, 0.99), (2.0, 0.9999)])
-def test_confidence_counts_while_maps_grow_too(confidence: float, join: float) -> None:
-    assert hold(Parameters(estimation_confidence=confidence)).join == pytest.approx(join, abs=1e-4)
+@pytest.mark.parametrize("confidence", [0.0, 0.5, 1.0, 2.0])
+def test_confidence_counts_while_maps_grow_too(confidence: float) -> None:
+    join = 1.0 - (1.0 - Hold().join) ** confidence
+    assert hold(Parameters(estimation_confidence=confidence)).join == pytest.approx(join, abs=1e-12)
+
+
+def test_the_numbers_that_are_written_are_those_in_effect() -> None:
+    """In the documentation and in what `ros2 param describe` shows."""
+
+    def asked(confidence: float) -> list[str]:
+        p = Parameters(estimation_confidence=confidence)
+        merge = merge_options(p)["evidence"]["min_probability"] if confidence != 1.0 else USUAL
+        return [f"{hold(p).join:.4g}", f"{merge:.2g}"]
+
+    said = descriptor("estimation_confidence").description
+    assert re.findall(r"0\.\d+", said) == asked(1.0)
+    config = (Path(__file__).parents[1] / "config" / "map_merge.yaml").read_text()
+    (comment,) = re.findall(r"# How sure a link must be.*?estimation_confidence", config, re.DOTALL)
+    assert re.findall(r"0\.\d+", comment) == asked(1.0)
+    docs = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text()
+    (text,) = re.findall(r"^`estimation_confidence` was .*?\n\n", docs, re.DOTALL | re.MULTILINE)
+    doubts = [f"{1 - Hold().join:.2g}", f"{1 - USUAL:.2g}"]
+    numbers = re.findall(r"\d+\.\d+", text)
+    assert numbers == ["1.0", *asked(1.0), *doubts, "2.0", *asked(2.0), "0.5", *asked(0.5)]
+    assert f"need {asked(1.0)[1]} instead of {asked(1.0)[0]}" in docs.replace("\n", " ")
+
+
+def test_the_greatest_confidence_can_still_be_met() -> None:
+    sure = Parameters(
+        estimation_confidence=descriptor("estimation_confidence").floating_point_range[0].to_value
+    )
+    assert hold(sure).join < 1.0
+    assert merge_options(sure)["evidence"]["min_probability"] < 1.0
 
 
 def test_the_default_confidence_is_the_merge_s_own_probability() -> None:
     assert merge_options(Parameters()) == {}
-    assert default_config()["evidence"]["min_probability"] == pytest.approx(0.85)
 
 
 def test_a_config_file_comes_first_and_confidence_on_top(tmp_path) -> None:

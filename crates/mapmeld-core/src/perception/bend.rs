@@ -8,7 +8,8 @@
 
 use crate::config::PerceptionConfig;
 use crate::local_map::{LocalMap, WallSample};
-use crate::perception::likelihood::{self, Placed, WallEvidence};
+use crate::perception::likelihood::{self, WallEvidence};
+use crate::perception::placed::Placed;
 use crate::registration::climb::robust_weight;
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};

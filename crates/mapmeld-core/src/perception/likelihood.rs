@@ -10,9 +10,8 @@
 use crate::config::PerceptionConfig;
 use crate::distance::MAX_SQUARED;
 use crate::grid::{class_of, Class};
-use crate::local_map::{ClassCells, LocalMap, WallSample};
-use crate::perception::bend;
-use crate::perception::overlay::Overlay;
+use crate::local_map::{LocalMap, WallSample};
+use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
 
 /// What the walls say about a pose. Weights count independent observations, summed over both
@@ -39,8 +38,6 @@ pub struct WallEvidence {
     pub bending: f64,
     /// Open floor of one that is free in the other, square metres.
     pub shared_floor: f64,
-    /// Open floor of one on which the other has a wall, square metres.
-    pub blocked_floor: f64,
     /// Length of the walls found where they should be, metres.
     pub shared_length: f64,
     /// Sum of `w n n^T` over the hits, as (xx, xy, yy), in the other map's frame: its smaller
@@ -61,7 +58,6 @@ impl WallEvidence {
         self.distinct_hits += share * other.distinct_hits;
         self.bending += share * other.bending;
         self.shared_floor += share * other.shared_floor;
-        self.blocked_floor += share * other.blocked_floor;
         self.shared_length += share * other.shared_length;
         for k in 0..3 {
             self.directions[k] += share * other.directions[k];
@@ -242,37 +238,32 @@ pub fn pair(
     sum
 }
 
-/// Evidence of a pair of maps for `T_a_b`, from all samples of maps that may be bent.
-pub fn unbent_pair(
-    a: &LocalMap,
-    b: &LocalMap,
-    t_a_b: &Se2,
+/// Open floor of a map, were it placed at `t_world_from`, that is free in other maps, square metres.
+pub fn shared_floor(
+    from: &LocalMap,
+    t_world_from: &Se2,
+    others: &[Placed],
     config: &PerceptionConfig,
-) -> WallEvidence {
-    let at = |map, t_world_map| Placed { map, t_world_map, samples: None };
-    between(&[at(a, Se2::IDENTITY)], &[at(b, *t_a_b)], config)
-}
-
-/// What the open floor of a map says of others: where it is free there too, and where it is built on.
-fn survey(floor: &ClassCells, targets: &[Target]) -> WallEvidence {
-    let mut sum = WallEvidence::default();
+) -> f64 {
+    let targets = targets(from, t_world_from, others, config);
+    let floor = &from.floor;
+    let mut shared = 0.0;
     for p in &floor.centers {
-        let (mut free, mut built, mut seen) = (0.0, 0.0, 0.0);
-        for t in targets {
+        let (mut free, mut seen) = (0.0, 0.0);
+        for t in &targets {
             let Some(cell) = t.view.cell(*p) else { continue };
             match class_of(t.map.grid.cells()[cell]) {
                 Class::Free => free += 1.0,
-                Class::Occupied => built += 1.0,
+                Class::Occupied => {}
                 Class::Unknown => continue,
             }
             seen += 1.0;
         }
         if seen > 0.0 {
-            sum.shared_floor += floor.scale * free / seen;
-            sum.blocked_floor += floor.scale * built / seen;
+            shared += floor.scale * free / seen;
         }
     }
-    sum
+    shared
 }
 
 /// What some wall samples of a map say of other maps, were it placed at `t_world_from`.
@@ -316,47 +307,4 @@ pub fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, stride: usize) -> f64 {
         }
     }
     score
-}
-
-/// A map at its place, and those of its wall samples that speak for it; none: all of them.
-#[derive(Clone, Copy)]
-pub struct Placed<'a> {
-    /// The map.
-    pub map: &'a LocalMap,
-    /// Where it lies.
-    pub t_world_map: Se2,
-    /// Indices of its wall samples.
-    pub samples: Option<&'a [u32]>,
-}
-
-impl Placed<'_> {
-    /// What this map's samples say of the other maps.
-    fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
-        let t = &self.t_world_map;
-        let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
-        let step = count.div_ceil(config.max_samples).max(1);
-        let mut sum = bend::of_patches(self, others, step, config);
-        sum.add(&survey(&self.map.floor, &targets(self.map, t, others, config)), 1.0);
-        sum
-    }
-}
-
-/// Evidence of two groups of placed maps against each other.
-pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> WallEvidence {
-    let mut sum = WallEvidence::default();
-    b.iter().for_each(|p| sum.add(&p.tally_against(a, config), 0.5));
-    a.iter().for_each(|p| sum.add(&p.tally_against(b, config), 0.5));
-    sum
-}
-
-/// Evidence of a local map against a merged map (paper, section 2: z_t given m_{t-1}).
-pub fn against(
-    maps: &[LocalMap],
-    merged: &Overlay,
-    map: usize,
-    t_world_map: &Se2,
-    config: &PerceptionConfig,
-) -> WallEvidence {
-    let local = Placed { map: &maps[map], t_world_map: *t_world_map, samples: None };
-    between(&merged.placed(maps, &Se2::IDENTITY), &[local], config)
 }

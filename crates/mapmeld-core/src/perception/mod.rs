@@ -5,6 +5,7 @@ pub mod gamma;
 pub mod likelihood;
 pub mod noise;
 pub mod overlay;
+pub mod placed;
 pub mod pool;
 pub mod psi;
 

@@ -6,7 +6,7 @@
 
 use crate::grid::Locator;
 use crate::local_map::LocalMap;
-use crate::perception::likelihood::Placed;
+use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
 use std::sync::Arc;
 

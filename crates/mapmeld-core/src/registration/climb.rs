@@ -3,7 +3,7 @@
 
 use crate::config::PerceptionConfig;
 use crate::local_map::{LocalMap, WallSample};
-use crate::perception::likelihood::Placed;
+use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 

@@ -2,7 +2,7 @@
 
 use crate::config::{Config, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
-use crate::perception::likelihood;
+use crate::perception::{likelihood, placed};
 use crate::registration::{
     climb, corners, correlation, segments, Candidate, Mode, Registered, Rung, Source,
 };
@@ -114,7 +114,7 @@ fn find_modes(
 
 /// A pose with what the walls say about it.
 fn mode(a: &LocalMap, b: &LocalMap, c: Candidate, p: &PerceptionConfig) -> Mode {
-    let evidence = likelihood::unbent_pair(a, b, &c.t_a_b, p);
+    let evidence = placed::pair(a, b, &c.t_a_b, p);
     let covariance = climb::covariance(a, b, &c.t_a_b, p);
     let log_mass = evidence.log_likelihood + log_gaussian_mass(&covariance);
     let log_odds = log_mass - log_search_volume(a, b);

@@ -1,0 +1,57 @@
+//! Maps at their places, and what groups of them say of each other.
+
+use crate::config::PerceptionConfig;
+use crate::local_map::LocalMap;
+use crate::perception::bend;
+use crate::perception::likelihood::{self, WallEvidence};
+use crate::perception::overlay::Overlay;
+use crate::se2::Se2;
+
+/// A map at its place, and those of its wall samples that speak for it; none: all of them.
+#[derive(Clone, Copy)]
+pub struct Placed<'a> {
+    /// The map.
+    pub map: &'a LocalMap,
+    /// Where it lies.
+    pub t_world_map: Se2,
+    /// Indices of its wall samples.
+    pub samples: Option<&'a [u32]>,
+}
+
+impl Placed<'_> {
+    /// What this map's samples say of the other maps.
+    fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
+        let t = &self.t_world_map;
+        let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
+        let step = count.div_ceil(config.max_samples).max(1);
+        let mut sum = bend::of_patches(self, others, step, config);
+        sum.shared_floor += likelihood::shared_floor(self.map, t, others, config);
+        sum
+    }
+}
+
+/// Evidence of two groups of placed maps against each other.
+pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> WallEvidence {
+    let mut sum = WallEvidence::default();
+    b.iter().for_each(|p| sum.add(&p.tally_against(a, config), 0.5));
+    a.iter().for_each(|p| sum.add(&p.tally_against(b, config), 0.5));
+    sum
+}
+
+/// Evidence of a local map against a merged map (paper, section 2: z_t given m_{t-1}).
+pub fn against(
+    maps: &[LocalMap],
+    merged: &Overlay,
+    map: usize,
+    t_world_map: &Se2,
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    let local = Placed { map: &maps[map], t_world_map: *t_world_map, samples: None };
+    between(&merged.placed(maps, &Se2::IDENTITY), &[local], config)
+}
+
+/// Evidence of a pair of maps for `T_a_b`, from all samples of maps that may be bent.
+pub fn pair(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, config: &PerceptionConfig) -> WallEvidence {
+    let at = |map, t_world_map| Placed { map, t_world_map, samples: None };
+    between(&[at(a, Se2::IDENTITY)], &[at(b, *t_a_b)], config)
+}

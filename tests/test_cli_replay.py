@@ -354,3 +354,23 @@ def test_an_arrangement_that_the_merge_did_not_find(tmp_path: Path) -> None:
     metres, radians = relative_error(np.array(best["left"]), np.array(best["right"]), "left", "right")
     assert metres < 0.2
     assert radians < 0.03
+
+
+def test_maps_count_as_done_after_a_quiet_time_and_at_the_end(tmp_path: Path) -> None:
+    """What is clear enough for a merge alone is told when the maps have come to rest."""
+    left, _, _ = building()
+    middle = view("middle", (3.5, 6.25), TRUTH["middle"])
+    records = [grid_record(1, "/left/map", left), grid_record(2, "/middle/map", middle)]
+
+    def told(*more: Record) -> list[tuple[float, int]]:
+        bag = write_bag(tmp_path / f"run{len(more)}", [*records, *more])
+        assert run_cli("replay", bag, "-o", bag.parent / f"{bag.name}_out", "-q")[0] == 0
+        lines = read_lines(bag.parent / f"{bag.name}_out")
+        return [(line["since_start"], len(line["components"])) for line in lines]
+
+    assert told() == [(0.0, 1), (1.0, 1)]
+    # Maps that are as they were do not count as changes; one that comes later does.
+    still = [grid_record(s, "/left/map", left) for s in (12, 21, 23)]
+    assert told(*still) == [(0.0, 1), (1.0, 2), (21.0, 1)]
+    late = [*still, grid_record(30, "/far/map", hall())]
+    assert told(*late) == [(0.0, 1), (1.0, 2), (21.0, 1), (29.0, 2)]

@@ -269,7 +269,7 @@ def test_a_map_that_lies_too_far_off_is_refused_where_it_is_made(origin: tuple[f
 
 
 def test_a_zero_covariance_is_the_anchors_alone() -> None:
-    """Of two single robots that are linked, the one that came first is the anchor, whatever they are called."""
+    """Of two single robots that are linked, the one that came first is the anchor, whatever its name."""
     y = OccupancyGrid(LEFT.data, LEFT.resolution, LEFT.origin, "y")
     estimator = told(hall("z"), y, hall("x"))
     estimator.estimate()

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from mapmeld import Estimate, Estimator, Hold, OccupancyGrid, se2
+from mapmeld import Estimator, Hold, OccupancyGrid, se2
 from mapmeld.admission import admitted
-from mapmeld.frames import Group, Held
+from mapmeld.frames import Group, Held, apart
 from mapmeld.holding import Answer, Poses, repinned, units
+from mapmeld.known_cells import known_cells
 from mapmeld.linking import joined
 from mapmeld.simulate import SimulateOptions, simulate
 from rooms import TRUTH, building, hall, view
@@ -192,22 +193,24 @@ def test_what_priors_place_is_not_asked_for_clear_walls() -> None:
     assert [(set(g.poses), g.in_world) for g in found] == [({"b", "c"}, True), ({"a"}, False)]
 
 
-def positions(estimate: Estimate) -> dict[str, list[float]]:
-    return {r.name: r.T_world_map.tolist() for r in estimate.robots}
-
-
 def test_growing_maps_move_nobody_by_less_than_noise() -> None:
     estimator = Estimator()
     estimator.update(LEFT)
     estimator.update(MIDDLE)
-    first = positions(estimator.estimate())
+    before = estimator.estimate().robot("middle").T_world_map
+    moves = []
     for to in (10.0, 11.0, 12.0, 13.0, 14.0):
         estimator.update(view("left", (-0.5, to - 2), TRUTH["left"]))
         estimator.update(view("middle", (2.0, to + 1), TRUTH["middle"]))
         estimate = estimator.estimate()
         assert len(estimate.components) == 1
-        moved = math.hypot(*np.subtract(positions(estimate)["middle"], first["middle"])[:2])
-        assert moved == 0.0 or moved > 0.01
+        cells = known_cells(view("middle", (2.0, to + 1), TRUTH["middle"]))
+        metres, radians = apart(before, estimate.robot("middle").T_world_map, cells.centre)
+        moves.append(metres + cells.radius * radians)
+        before = estimate.robot("middle").T_world_map
+    # Half a cell is what makes it worth following.
+    assert all(m == 0.0 or m > 0.5 * MIDDLE.resolution for m in moves), moves
+    assert 0.0 in moves
     assert estimate.robot("middle").placements == 1
 
 

@@ -236,7 +236,7 @@ def test_what_a_prior_placed_may_go_and_come_back_as_another() -> None:
 
 
 def test_covariances_are_told_along_the_axes_of_the_frame() -> None:
-    """The world stays turned when the pin that turned it is forgotten, and what is known stays along its axes."""
+    """The world stays turned when the pin that turned it is forgotten; what is known stays along its axes."""
     estimator = told(LEFT, MIDDLE, RIGHT)
     estimator.pin("left", (0.0, 0.0, math.pi / 2))
     pinned = estimator.estimate(maps_are_done=True)

@@ -66,3 +66,19 @@ def test_a_room_that_a_half_turn_takes_to_itself_is_ambiguous() -> None:
         assert sorted(m.name for m in h.maps) == ["a", "b"], "each once"
     turn = [next(m for m in h.maps if m.name == ambiguous.name).T_component_map[2] for h in (first, second)]
     assert abs((turn[0] - turn[1] + np.pi) % (2 * np.pi) - np.pi) > 3.0
+
+
+def test_what_holds_a_map_is_named_wherever_its_frame_lies() -> None:
+    """A frame far off: the smallest turn moves its origin by metres, and the walls by nothing to speak of."""
+    left, middle, right = building()
+    away = OccupancyGrid(
+        middle.data,
+        middle.resolution,
+        (middle.origin[0] + 5e4, middle.origin[1] - 3e4, middle.origin[2]),
+        "away",
+    )
+    result = mapmeld.merge([left, away, right], seed=1)
+    told = [(m.status, m.reason) for m in result.maps]
+    assert all(
+        status == "merged" and re.match(r"held by (left|away|right)", text) for status, text in told
+    ), told

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "SAME_WORLD",
     "LocalMap",
     "Session",
     "__version__",
@@ -25,6 +26,7 @@ __all__ = [
 ]
 
 __version__: str
+SAME_WORLD: tuple[float, float]
 
 class _Evidence(TypedDict):
     log_likelihood: float

@@ -66,7 +66,9 @@ def replay(
     """Replay recorded maps through the estimator, as a node would have heard them.
 
     Several bags are replayed side by side, by their recorders' clocks. An estimate is made whenever maps
-    changed, at most once a step; estimates.jsonl has each of them, the other files are those of the last one.
+    changed, at most once a step, and where it links maps that they count as done: after 20 s without a change
+    and at the end.
+    estimates.jsonl has each of them, the other files are those of the last one.
     """
     from mapmeld.bag import is_bag
     from mapmeld.cli_options import gather_options

@@ -15,10 +15,11 @@ from mapmeld.result import MergeResult, PlacedMap
 def covariances_in_frames(
     result: MergeResult, held: Sequence[Held], before: Mapping[str, NDArray[np.float64]]
 ) -> dict[str, NDArray[np.float64]]:
-    """Covariances relative to the anchors of what is held, in the world of priors as they are; along the axes
-    of the frames.
+    """Covariances relative to the anchors of what is held, in the world of priors as they are;
+    along the axes of the frames.
 
-    The merge tells them relative to its components' references and along the axes of these. Of a robot that is
+    The merge tells them relative to its components' references and along the axes of these. Of a robot
+    that is
     held where the merge has it apart from the anchor, the last that was told stands.
     """
     placed = {m.name: m for m in result.maps}
@@ -46,7 +47,8 @@ def covariances_in_frames(
 def _relative(anchor: PlacedMap, placed: PlacedMap) -> NDArray[np.float64]:
     """Covariance relative to the anchor, along the axes of the component; what is known of the errors of two
     maps to the component's reference is taken to be independent."""
-    assert anchor.T_component_map is not None and placed.T_component_map is not None
+    assert anchor.T_component_map is not None
+    assert placed.T_component_map is not None
     x, y, _ = placed.T_component_map - anchor.T_component_map
     lever = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
     return np.asarray(placed.covariance + lever @ anchor.covariance @ lever.T)

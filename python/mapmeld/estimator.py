@@ -205,8 +205,9 @@ class Estimator:
         anchors = [h.anchor for h in first]
         references = [*anchors, *(n for n in arrival if n not in anchors)]
         found = self._session.merge(references, _priors(known), progress)
+        centres = {n: c.centre for n, c in self._cells.items()}
         seconds = {**found["seconds"], "merge": time.perf_counter() - started}
-        result = result_of(found, self._session.names(), self._config, seconds)
+        result = result_of(found, self._session.names(), self._config, seconds, centres)
         return result, found["registered_pairs"]
 
     def _follow(
@@ -285,7 +286,8 @@ def _listed(poses: holding.Poses) -> list[tuple[str, list[float]]]:
 
 
 def _groups(result: MergeResult) -> list[Group]:
-    """The components of a merge in the order in which they were merged, without blank maps, which have no pose."""
+    """The components of a merge in the order in which they were merged, without blank maps: these have no
+    pose."""
     poses = {m.name: m.T_component_map for m in result.maps if m.T_component_map is not None}
     return [
         Group({n: poses[n] for n in c.order}, c.in_world)

@@ -19,6 +19,8 @@ OCCUPIED = 100
 _MOST_ORIGIN_M = 1e8
 """How far an origin may lie from its map frame, metres: beyond it, cells of a few centimetres get lost in the
 rounding of their coordinates. The core has the same bound."""
+_MOST_RESOLUTION_M = 10.0
+"""Largest side of a cell, metres. The core has the same bound."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +69,18 @@ class OccupancyGrid:
         resolution = float(resolution)
         if not math.isfinite(resolution) or resolution <= 0:
             raise MapmeldError(f"{label}: resolution must be a positive number of metres, got {resolution}")
+        if resolution > _MOST_RESOLUTION_M:
+            raise MapmeldError(
+                f"{label}: resolution must be at most {_MOST_RESOLUTION_M:g} m a cell, got {resolution}; "
+                "is it in metres?"
+            )
         pose = tuple(float(v) for v in origin)
         if len(pose) != 3 or not all(math.isfinite(v) for v in pose):
             raise MapmeldError(f"{label}: origin must be three finite numbers (x, y, theta), got {pose}")
         if max(abs(pose[0]), abs(pose[1])) > _MOST_ORIGIN_M:
             raise MapmeldError(
-                f"{label}: origin must lie within {_MOST_ORIGIN_M:g} m of the map frame, got {pose}; move the frame"
+                f"{label}: origin must lie within {_MOST_ORIGIN_M:g} m of the map frame, got {pose}; "
+                "move the frame"
             )
         cells = np.array(array, dtype=np.int8, order="C", copy=True)
         cells.setflags(write=False)

@@ -70,8 +70,8 @@ class Hold:
 class Unit:
     """Robots that lie to each other as they did before: T_unit_map.
 
-    against: for those that the merge would have put elsewhere, or has apart from all others, how probable it is
-        that they lie there.
+    against: for those that the merge would have put elsewhere, or has apart from all others, how probable it
+        is that they lie there.
     """
 
     poses: Poses
@@ -156,7 +156,7 @@ def agreeing(
 def most_agreeing(
     unit: Unit, group: Group, exact: Collection[str], centres: Mapping[str, Sequence[float]], hold: Hold
 ) -> list[str]:
-    """Robots of a unit that lie to each other as in the group: those with one that is exact, else the most."""
+    """Robots of a unit that lie to each other as in the group: those with an exact one, else the most."""
     parts = agreeing(unit.poses, group, centres, hold)
     return max(parts, key=lambda p: (any(n in exact for n in p), len(p)), default=[])
 

@@ -15,6 +15,7 @@ from mapmeld import _core
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
+from mapmeld.known_cells import known_centre
 from mapmeld.map_yaml import one_line
 from mapmeld.reasons import reason
 from mapmeld.result import Component, Hypothesis, HypothesisMap, MergeResult, Mode, Pair, PlacedMap
@@ -79,7 +80,8 @@ def merge(
         progress,
     )
     seconds = {**found["seconds"], "merge": time.perf_counter() - started}
-    return result_of(found, names, options, seconds)
+    centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
+    return result_of(found, names, options, seconds, centres)
 
 
 def _checked(maps: Sequence[OccupancyGrid]) -> list[OccupancyGrid]:
@@ -137,9 +139,13 @@ def _index(key: str | SupportsIndex, names: list[str], what: str) -> int:
 
 
 def result_of(
-    found: _core._Merge, names: list[str], options: dict[str, Any], seconds: dict[str, float]
+    found: _core._Merge,
+    names: list[str],
+    options: dict[str, Any],
+    seconds: dict[str, float],
+    centres: Mapping[str, Sequence[float]],
 ) -> MergeResult:
-    """What the core found, told of the maps by their names."""
+    """What the core found, told of the maps by their names. centres: of their known cells."""
     components = [
         Component(
             reference=names[c["reference"]],
@@ -195,7 +201,7 @@ def result_of(
                 covariance=None if T is None else _array(p["covariance"]),
                 status=p["status"],
                 probability=_share(p["probability"]),
-                reason=reason(name, p["status"], places.get(component, {}), pairs, hypotheses),
+                reason=reason(name, p["status"], places.get(component, {}), pairs, hypotheses, centres),
             )
         )
     return MergeResult(

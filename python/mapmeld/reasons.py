@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapmeld import se2
+from mapmeld.frames import is_one_place
 from mapmeld.result import Hypothesis, Pair
 
 _LITTLE_WALL_M = 3.0
@@ -17,8 +18,6 @@ _FEW_IN_SECOND_DIRECTION = 0.1
 """Share of the hits in the weaker direction below which the walls are said to run one way only."""
 _MANY_CONFLICTS = 0.05
 """Share of contradicting walls above which they are said to contradict."""
-_SAME_PLACE = (1.0, 0.1)
-"""Metres and radians within which two poses are said to be one place."""
 
 
 def reason(
@@ -27,10 +26,12 @@ def reason(
     placed: Mapping[str, NDArray[np.float64]],
     pairs: Sequence[Pair],
     hypotheses: Sequence[Hypothesis],
+    centres: Mapping[str, Sequence[float]],
 ) -> str:
     """The sentence for the map of that name.
 
-    placed: T_component_map of the maps in its component. pairs, hypotheses: those of the result.
+    placed: T_component_map of the maps in its component. pairs, hypotheses: those of the result. centres: of
+        the known cells of each map, map coordinates, metres.
     """
     if status == "blank":
         return "it holds no known cell, so it is placed nowhere"
@@ -38,15 +39,16 @@ def reason(
         return "placed by its prior alone"
     own = [p for p in pairs if name in (p.a, p.b) and p.modes]
     if status == "merged":
-        return _merged(name, [p for p in own if _is_told(p, placed)])
+        return _merged(name, [p for p in own if _is_told(p, placed, centres)])
     if status == "ambiguous":
-        first, *others = [f"{p:.2f}" for p in _places(name, hypotheses)[:3]] or ["little"]
+        first, *others = [f"{p:.2f}" for p in _places(name, hypotheses, centres[name])[:3]] or ["little"]
         second = f", the next {' and '.join(others)}" if others else ""
         return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}"
     if not own:
         return "no wall of another map fits any of its walls" if pairs else "it is the only map"
     best = max(own, key=lambda p: p.probability)
-    return f"no shared walls that suffice; closest is {_other(best, name)}: {_evidence(best)}{_lacking(best)}"
+    lacking = _lacking(best, centres)
+    return f"no shared walls that suffice; closest is {_other(best, name)}: {_evidence(best)}{lacking}"
 
 
 def _merged(name: str, own: Sequence[Pair]) -> str:
@@ -59,12 +61,14 @@ def _merged(name: str, own: Sequence[Pair]) -> str:
     return f"held by {_other(best, name)}{f' and {more} more' if more else ''}: {_evidence(best)}"
 
 
-def _is_told(pair: Pair, placed: Mapping[str, NDArray[np.float64]]) -> bool:
+def _is_told(
+    pair: Pair, placed: Mapping[str, NDArray[np.float64]], centres: Mapping[str, Sequence[float]]
+) -> bool:
     """Whether two maps lie as their best mode has them."""
     if pair.a not in placed or pair.b not in placed:
         return False
     T_a_b = se2.compose(se2.inverse(placed[pair.a]), placed[pair.b])
-    return _same_place(T_a_b, pair.modes[0].T_a_b)
+    return is_one_place(T_a_b, pair.modes[0].T_a_b, centres[pair.b])
 
 
 def _evidence(pair: Pair) -> str:
@@ -72,7 +76,7 @@ def _evidence(pair: Pair) -> str:
     return f"probability {pair.probability:.2f}, {mode.shared_length:.1f} m of wall in common"
 
 
-def _lacking(pair: Pair) -> str:
+def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
     """What speaks against the best mode of two maps."""
     mode = pair.modes[0]
     chance = pair.decoy_log_likelihood or 0.0
@@ -83,7 +87,8 @@ def _lacking(pair: Pair) -> str:
         return f", {share:.0f} % of it amid free space of the other"
     if mode.second_direction < _FEW_IN_SECOND_DIRECTION * mode.hits:
         return ", nearly all in one direction"
-    rivals = [m.log_likelihood for m in pair.modes if not _same_place(m.T_a_b, mode.T_a_b)]
+    centre = centres[pair.b]
+    rivals = [m.log_likelihood for m in pair.modes if not is_one_place(m.T_a_b, mode.T_a_b, centre)]
     chance = max([chance, *rivals])
     if mode.log_likelihood > 0 and chance > 0.5 * mode.log_likelihood:
         share = math.floor(100 * chance / mode.log_likelihood)
@@ -95,7 +100,7 @@ def _other(pair: Pair, name: str) -> str:
     return pair.b if pair.a == name else pair.a
 
 
-def _places(name: str, hypotheses: Sequence[Hypothesis]) -> list[float]:
+def _places(name: str, hypotheses: Sequence[Hypothesis], centre: Sequence[float]) -> list[float]:
     """Probabilities of the places of a map, the likeliest first."""
     found: list[tuple[NDArray[np.float64], float]] = []
     for h in hypotheses:
@@ -103,14 +108,9 @@ def _places(name: str, hypotheses: Sequence[Hypothesis]) -> list[float]:
             if m.name != name:
                 continue
             T = m.T_component_map
-            at = next((k for k, (known, _) in enumerate(found) if _same_place(T, known)), None)
+            at = next((k for k, (known, _) in enumerate(found) if is_one_place(T, known, centre)), None)
             if at is None:
                 found.append((T, h.probability))
             else:
                 found[at] = (found[at][0], found[at][1] + h.probability)
     return sorted((p for _, p in found), reverse=True)
-
-
-def _same_place(T: NDArray[np.float64], U: NDArray[np.float64]) -> bool:
-    turn = abs((T[2] - U[2] + math.pi) % (2 * math.pi) - math.pi)
-    return bool(math.hypot(T[0] - U[0], T[1] - U[1]) <= _SAME_PLACE[0] and turn <= _SAME_PLACE[1])

@@ -14,14 +14,18 @@ from mapmeld.estimator import Estimator
 from mapmeld.grid import OccupancyGrid
 from mapmeld.map_inputs import BagTopic
 
+_QUIET_NS = 20 * 10**9
+"""Without a changed map for so long, maps count as done: a node's quiet_time by default."""
+
 
 @dataclass(frozen=True, eq=False)
 class Moment:
     """An estimate of a replay, without its maps.
 
-    nanoseconds: when the last message that is in it was recorded. since_start: the same, in seconds from the
+    nanoseconds: when the last message that is in it was recorded, or when 20 s had gone by without a changed
+        map. since_start: the same, in seconds from the
         start of the first bag.
-    robots, components, registered_pairs, seconds: as in Estimate; `merged` of the components is None.
+    robots, components, registered_pairs, seconds: as in Estimate; the components have no `merged`.
     """
 
     nanoseconds: int
@@ -37,7 +41,8 @@ class Replay:
 
     robots: topics of open bags. Several bags are replayed side by side, by the clocks of their recorders.
     step: seconds of the bags' time. An estimate is made at the end of each step in which a map changed; 0: at
-        each new map.
+        each new map. Maps count as done after 20 s without a changed one and at the end, which makes one more
+        if it links anything.
     progress: hears (seconds done, seconds in all) of the bags' time.
 
     maps: the last map of each robot so far, by name. estimate: the last one, None before the first. seconds:
@@ -64,6 +69,8 @@ class Replay:
         self._end = max(bag.end for bag in self._bags)
         self._pending: dict[str, tuple[BagTopic, PendingMap]] = {}
         self._known: dict[str, RecordedMap] = {}
+        # When the maps changed, as long as they do not count as done.
+        self._changed: int | None = None
 
     @property
     def maps(self) -> dict[str, OccupancyGrid]:
@@ -76,13 +83,18 @@ class Replay:
     def __iter__(self) -> Iterator[Moment]:
         latest = due = self._start
         for nanoseconds, robot, message in self._messages():
-            if self._pending and nanoseconds > due:
-                yield from self._estimates(latest)
+            if self._pending and nanoseconds > due and self._take_pending(latest):
+                yield self._estimate(latest)
             if not self._pending:
+                if self._changed is not None and nanoseconds > self._changed + _QUIET_NS:
+                    yield from self._rested(self._changed + _QUIET_NS)
                 due = self._end_of_step(nanoseconds)
             self._pending.setdefault(robot.name, (robot, PendingMap()))[1].add(message)
             latest = nanoseconds
-        yield from self._estimates(latest)
+        if self._take_pending(latest):
+            yield self._estimate(latest, maps_are_done=True)
+        elif self._changed is not None:
+            yield from self._rested(latest)
 
     def _messages(self) -> Iterator[tuple[int, BagTopic, GridMessage]]:
         return heapq.merge(*map(self._messages_of, self._bags), key=lambda found: found[0])
@@ -98,8 +110,8 @@ class Replay:
         steps = -((self._start - nanoseconds) // self._step)
         return self._start + steps * self._step
 
-    def _estimates(self, nanoseconds: int) -> Iterator[Moment]:
-        """The estimate with what is pending, if that changes anything."""
+    def _take_pending(self, nanoseconds: int) -> bool:
+        """Tells the estimator what is pending; whether that changes anything."""
         changed = False
         for name, (robot, pending) in self._pending.items():
             before = self._known.get(name)
@@ -113,10 +125,24 @@ class Replay:
         self._pending.clear()
         if self._progress is not None:
             self._progress((nanoseconds - self._start) / 1e9, self.seconds)
-        if not changed:
-            return
-        found = self.estimate = self._estimator.estimate()
-        yield Moment(
+        if changed:
+            self._changed = nanoseconds
+        return changed
+
+    def _rested(self, nanoseconds: int) -> Iterator[Moment]:
+        """The estimate with the maps as they were, if that they are done links anything."""
+        before = self.estimate
+        moment = self._estimate(nanoseconds, maps_are_done=True)
+        if before is None or [c.names for c in before.components] != [c.names for c in moment.components]:
+            yield moment
+        else:
+            self.estimate = before
+
+    def _estimate(self, nanoseconds: int, maps_are_done: bool = False) -> Moment:
+        if maps_are_done:
+            self._changed = None
+        found = self.estimate = self._estimator.estimate(maps_are_done=maps_are_done)
+        return Moment(
             nanoseconds,
             (nanoseconds - self._start) / 1e9,
             found.robots,

@@ -116,8 +116,9 @@ class Component:
         densest.
     rms_m: root mean square of the walls' residuals after the joint refinement, metres; None for a single
         map.
-    merged: the fused map, None when the component is one blank map or, in an Estimate, too large to draw. shared_cells: cells that more than one
-        map knows; conflict_cells: those that one of them shows occupied and another, whose own
+    merged: the fused map, None when the component is one blank map or, in an Estimate, too large to draw.
+        shared_cells: cells that more than one map knows; conflict_cells: those that one of them shows
+        occupied and another, whose own
         walls are farther than a cell away, free. None where nobody counted, as after a replay.
     in_world: the frame is not that of `reference` but the world of priors, which an Estimator is told of.
     """

@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 
 from mapmeld import se2
 from mapmeld.estimate import RobotEstimate, RunnerUp
-from mapmeld.frames import Held, apart
+from mapmeld.frames import Held, apart, is_one_place
 from mapmeld.result import Hypothesis, MergeResult, PlacedMap
-
-# Poses closer than this, metres at the middle of the map and radians, are one place.
-_ONE_PLACE = (0.5, 0.0873)
 
 
 def seen_from_anchors(result: MergeResult, held: Sequence[Held]) -> list[PlacedMap]:
@@ -108,7 +105,8 @@ def _contradiction(
         T_other_map = se2.inverse(T_a_b) if pair.a == name else T_a_b
         walls = se2.compose(component.poses[other], T_other_map)
         metres, radians = apart(component.poses[name], walls, centres[name])
-        if (metres > _ONE_PLACE[0] or radians > _ONE_PLACE[1]) and pair.probability > most:
+        is_elsewhere = not is_one_place(component.poses[name], walls, centres[name])
+        if is_elsewhere and pair.probability > most:
             most = pair.probability
             worst = (
                 f"; the walls that it shares with {other} put it {metres:.1f} m and "
@@ -131,13 +129,13 @@ def _runner_up(
             continue
         k, T = found
         for at, (known, U, p) in enumerate(places):
-            if known == k and _is_one(T, U, centres[name]):
+            if known == k and is_one_place(T, U, centres[name]):
                 places[at] = (known, U, p + h.probability)
                 break
         else:
             places.append((k, T, h.probability))
     here = held[own].poses[name]
-    others = [(k, T, p) for k, T, p in places if k != own or not _is_one(T, here, centres[name])]
+    others = [(k, T, p) for k, T, p in places if k != own or not is_one_place(T, here, centres[name])]
     if not others:
         return None
     k, T, p = max(others, key=lambda other: other[2])
@@ -157,11 +155,6 @@ def _place(name: str, h: Hypothesis, held: Sequence[Held]) -> tuple[int, NDArray
     by = next((m for m in shared[k] if m.name == held[k].anchor), shared[k][0])
     T_by_map = se2.compose(se2.inverse(by.T_component_map), own.T_component_map)
     return k, se2.compose(held[k].poses[by.name], T_by_map)
-
-
-def _is_one(a: NDArray[np.float64], b: NDArray[np.float64], centre: Sequence[float]) -> bool:
-    metres, radians = apart(a, b, centre)
-    return metres <= _ONE_PLACE[0] and radians <= _ONE_PLACE[1]
 
 
 def _read_only(pose: NDArray[np.float64]) -> NDArray[np.float64]:

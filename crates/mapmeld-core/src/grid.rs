@@ -14,6 +14,10 @@ pub const OCCUPIED_AT_LEAST: i8 = 65;
 /// centimetres drown in rounding.
 const MAX_ORIGIN: f64 = 1e8;
 
+/// Largest side of a cell, metres: a larger one is a mistake, and finer maps' tables of it would not fit
+/// in memory.
+const MAX_RESOLUTION: f64 = 10.0;
+
 /// What a cell is (paper, section 4: the classes C).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Class {
@@ -68,6 +72,12 @@ impl OccupancyGrid {
         }
         if !(resolution.is_finite() && resolution > 0.0) {
             return fail("resolution", format!("{resolution} m; must be finite and positive"));
+        }
+        if resolution > MAX_RESOLUTION {
+            return fail(
+                "resolution",
+                format!("{resolution} m; at most {MAX_RESOLUTION} m a cell"),
+            );
         }
         if !(origin.x.is_finite() && origin.y.is_finite() && origin.theta.is_finite()) {
             return fail("origin", "x, y and theta must be finite".into());

@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("SAME_WORLD", mapmeld_core::registration::SAME_WORLD)?;
     m.add_class::<local_map::LocalMap>()?;
     m.add_class::<session::Session>()?;
     m.add_function(wrap_pyfunction!(local_map::default_config, m)?)?;

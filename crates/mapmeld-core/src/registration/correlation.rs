@@ -26,6 +26,8 @@ const PEAKS: usize = 40;
 const CELL: f64 = 0.2;
 /// Most coarse cells of a map; larger maps are correlated more coarsely.
 const MAX_CELLS: f64 = 40_000.0;
+/// Most shifts that are scored at one rotation.
+const MAX_SHIFTS: f64 = 3e7;
 /// Distance at which a wall is half as good as in place, metres beyond half a coarse cell.
 const BLUR: f64 = 0.15;
 /// Depth in free space from which a wall contradicts, metres beyond half a coarse cell.
@@ -170,6 +172,10 @@ impl Shifts {
         };
         let (rows, cols) = index(&high);
         let (w, h) = (a.width + cols + 1, a.height + rows + 1);
+        // A map kilometres wide against one in fine cells: other sources may find it.
+        if (w as f64) * (h as f64) > MAX_SHIFTS {
+            return Vec::new();
+        }
 
         // Samples of one coarse cell and direction are looked up together.
         let mut agree: BTreeMap<(usize, usize, usize), f64> = BTreeMap::new();

@@ -11,6 +11,7 @@ import pytest
 
 from mapmeld import Estimator, OccupancyGrid, read_map, se2
 from mapmeld.known_cells import known_cells
+from mapmeld.replay_files import result_of_estimate
 
 
 def revealed(grid: OccupancyGrid, share: float) -> OccupancyGrid:
@@ -48,3 +49,23 @@ def test_robots_are_told_right_all_the_way(shared_data: Path, case: str, togethe
     assert len(estimate.components[0].names) == together
     # In the frame of others once, and elsewhere at most once more.
     assert max(r.placements for r in estimate.robots) <= 2
+
+
+def test_the_anchor_is_sure_and_the_other_carries_the_doubt(shared_data: Path) -> None:
+    """The merge begins with the other map; the frame is that of the one that came first."""
+    folder = shared_data / "intel_ov15"
+    estimator = Estimator({"evidence": {"min_probability": 0.5}})
+    for name in ("00_r0", "01_r1"):
+        estimator.update(read_map(folder / f"{name}.yaml"))
+    estimator.estimate()
+    estimate = estimator.estimate(maps_are_done=True)
+    assert estimate.result is not None
+    assert (estimate.components[0].anchor, estimate.result.components[0].order[0]) == ("00_r0", "01_r1")
+    anchor, other = estimate.robot("00_r0"), estimate.robot("01_r1")
+    assert (anchor.status, other.status) == ("merged", "merged")
+    assert anchor.probability == 1.0
+    assert other.probability == pytest.approx(estimate.result.pairs[0].probability, abs=1e-4)
+    assert 0.5 < other.probability < 0.9
+    # What is written says the same.
+    written = {m.name: m.probability for m in result_of_estimate(estimate, {}).maps}
+    assert written == {"00_r0": 1.0, "01_r1": other.probability}

@@ -173,7 +173,7 @@ class Estimator:
                     self._covariances.get(m.name),
                     self._placements.get(m.name, 0),
                 )
-                for m in sorted(result.maps, key=lambda m: m.name)
+                for m in robots.seen_from_anchors(result, held)
             )
             return Estimate(of_robot, components, result, registered, time.perf_counter() - started)
 

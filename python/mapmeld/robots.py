@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Collection, Mapping, Sequence
 
@@ -12,6 +13,25 @@ from mapmeld import se2
 from mapmeld.estimate import RobotEstimate, RunnerUp
 from mapmeld.frames import Held, apart, is_one_place
 from mapmeld.result import Hypothesis, MergeResult, PlacedMap
+
+
+def seen_from_anchors(result: MergeResult, held: Sequence[Held]) -> list[PlacedMap]:
+    """The merge's maps by name, the doubt of each component told as its held anchor sees it.
+
+    A merge tells it of all but the map that it began with, which need not be the one whose frame is held. The
+    two exchange what is told of them, so that the doubt of them all together stays. A world that priors give
+    is nobody's frame and stays as it is.
+    """
+    placed = {m.name: m for m in result.maps}
+    for c in result.components:
+        first = c.order[0]
+        own = next((h for h in held if first in h.poses), None)
+        if c.in_world or own is None or own.anchor == first or own.anchor not in c.order:
+            continue
+        a, b = placed[first], placed[own.anchor]
+        placed[first] = dataclasses.replace(a, probability=b.probability)
+        placed[own.anchor] = dataclasses.replace(b, probability=a.probability)
+    return sorted(placed.values(), key=lambda m: m.name)
 
 
 def tell(
@@ -25,7 +45,7 @@ def tell(
     covariance: NDArray[np.float64] | None,
     placements: int,
 ) -> RobotEstimate:
-    """One robot, as the merge placed it and as it is held.
+    """One robot, as the merge placed it, see seen_from_anchors, and as it is held.
 
     against: robots that are held where the merge would not have them, and how probable they are there.
     unclear: robots that are not placed yet where the merge has them, likewise.

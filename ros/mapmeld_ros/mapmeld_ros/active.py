@@ -15,11 +15,13 @@ from rclpy.clock_type import ClockType
 
 from mapmeld import Estimate
 from mapmeld.grid_message import BadMessage
-from mapmeld_ros.discovery import find_robots, in_namespace
+from mapmeld_ros.discovery import MAP_TYPE, find_robots, in_namespace
 from mapmeld_ros.estimation import EstimationWorker
 from mapmeld_ros.known_poses import BadKnownPose
 from mapmeld_ros.listening import RobotListener
 from mapmeld_ros.merged_maps import MergeWorker
+from mapmeld_ros.news import News
+from mapmeld_ros.own_topics import ForeignPublishers
 from mapmeld_ros.publishing import Publishing
 from mapmeld_ros.result_message import estimate_message
 from mapmeld_ros.session import MergeSession
@@ -39,6 +41,8 @@ _EAGER_SECONDS = 10.0
 _EAGER_TICK_SECONDS = 0.1
 # How long after the first map the first estimate waits for those of other robots.
 _SETTLE_SECONDS = 0.4
+# How long after the last change of a robot's pose parameters it takes effect: people set them one by one.
+_POSE_SECONDS = 2.0
 _TF_SECONDS = 0.1
 _DIAGNOSTICS_SECONDS = 1.0
 
@@ -52,6 +56,10 @@ class Active:
         self._throttle = Throttle()
         self._listeners: dict[str, RobotListener] = {}
         self._tree = Tree(node, session, publishing, lambda robot, said: self._warn((robot, "tf"), said))
+        self._news = News()
+        self._foreign = ForeignPublishers(node)
+        # When the changed poses of robots take effect.
+        self._poses_due: dict[str, float] = {}
         self._error = ""
         self._estimate_lock = threading.Lock()
         self._settles: float | None = None
@@ -78,6 +86,10 @@ class Active:
             )
         self._estimation.start()
         self._merging.start()
+        self._log.info(
+            f"active: waits for topics {self._awaited()!r} of type {MAP_TYPE}; the merged map is on "
+            f"{node.resolve_topic_name(node.parameters.merged_map_topic)} in {node.parameters.world_frame!r}"
+        )
         # What was known before a pause.
         for robot in session.robots.all():
             self._listen(robot.name, robot.topic)
@@ -105,6 +117,10 @@ class Active:
         """Estimates at once."""
         self._estimation.request(now=True, maps_are_done=maps_are_done)
 
+    def pose_changed(self, robot: str) -> None:
+        """Takes the robot's known pose some time after the last change of its parameters."""
+        self._poses_due[robot] = time.monotonic() + _POSE_SECONDS
+
     def place_known(self, robot: str) -> None:
         """Takes the robot's known pose as its parameters have it now."""
         try:
@@ -123,6 +139,13 @@ class Active:
             self._discover(now)
         if self._settles is not None and now >= self._settles:
             self._settle()
+        for name in [r for r, due in self._poses_due.items() if due <= now]:
+            del self._poses_due[name]
+            self.place_known(name)
+        for name, doubt in self._session.take_doubts().items():
+            self._log.warning(f"robot {name!r}: {doubt}")
+        for sentence in self._foreign.new(self._publishing.own_map_topics()):
+            self._log.warning(sentence)
         quiet = self._node.parameters.quiet_time
         if self._changed is not None and 0 < quiet <= now - self._changed:
             self._changed = None
@@ -143,6 +166,11 @@ class Active:
         except BadKnownPose as error:
             self._log.error(str(error))
         self._estimation.request(now=True)
+
+    def _awaited(self) -> str:
+        p = self._node.parameters
+        among = f" whose name contains {p.robot_namespace!r}" if p.robot_namespace else ""
+        return f"<robot>/{p.robot_map_topic.strip('/')}{among}"
 
     def _discover(self, now: float) -> None:
         p = self._node.parameters
@@ -185,6 +213,7 @@ class Active:
         self._take(name, "map update", lambda: self._session.take_update(name, msg, time.monotonic()))
 
     def _take(self, name: str, kind: str, take: Callable[[], bool]) -> None:
+        before = self._session.robots.get(name)
         try:
             has_changed = take()
         except BadMessage as error:
@@ -196,6 +225,11 @@ class Active:
             self._log.error(f"robot {name!r}: {error}")
             has_changed = True
         if has_changed:
+            now = self._session.robots.get(name)
+            if before is not None and before.grid is None and now is not None and now.grid is not None:
+                g = now.grid
+                size = f"{g.width} x {g.height} cells of {g.resolution:.3g} m"
+                self._log.info(f"robot {name!r} is heard: {size} in the frame {now.frame!r}")
             self._changed = time.monotonic()
             if self._session.is_settled:
                 self._estimation.request()
@@ -208,6 +242,12 @@ class Active:
         self._session.take_estimate(estimate)
         self._tree.publish()
         self._publish_estimate()
+        for line in self._news.of(self._message()):
+            # rclpy wants one severity from one line of code.
+            if line.is_warning:
+                self._log.warning(line.text)
+            else:
+                self._log.info(line.text)
         self._merging.request()
 
     def _publish_estimate(self) -> None:
@@ -217,7 +257,7 @@ class Active:
 
     def _message(self) -> MergeEstimate:
         known, p = self._session.known, self._node.parameters
-        return estimate_message(
+        msg = estimate_message(
             known.estimate,
             self._session.robots.all(),
             known.names,
@@ -225,6 +265,9 @@ class Active:
             p.world_frame,
             self._node.stamp(),
         )
+        for component in msg.components:
+            component.map_topic = self._node.resolve_topic_name(component.map_topic)
+        return msg
 
     def _publish_maps(self) -> None:
         names = self._session.known.names

@@ -20,10 +20,14 @@ class BadKnownPose(Exception):
 
 @dataclass(frozen=True)
 class KnownPose:
-    """(x, y, yaw) in metres and radians; sigma: standard deviations of it, None for exact."""
+    """(x, y, yaw) in metres and radians; sigma: standard deviations of it, None for exact.
+
+    doubt: what its parameters say that may not be meant; empty when nothing.
+    """
 
     pose: tuple[float, float, float]
     sigma: tuple[float, float, float] | None
+    doubt: str = ""
 
 
 def parameter_name(robot: str, what: str) -> str:
@@ -54,7 +58,17 @@ def known_pose(robot: str, get: Callable[[str], Any], sigma_xy: float, sigma_yaw
     xy = sigma_xy if values["sigma_xy"] is None else float(values["sigma_xy"])
     yaw = sigma_yaw if values["sigma_yaw"] is None else float(values["sigma_yaw"])
     pose = (float(values["x"]), float(values["y"]), float(values["yaw"]))
-    return KnownPose(pose, (xy, xy, yaw) if xy > 0 and yaw > 0 else None)
+    if xy > 0 and yaw > 0:
+        return KnownPose(pose, (xy, xy, yaw))
+    given, missing = ("sigma_xy", "sigma_yaw") if xy > 0 else ("sigma_yaw", "sigma_xy")
+    if not (xy > 0 or yaw > 0):
+        return KnownPose(pose, None)
+    return KnownPose(
+        pose,
+        None,
+        f"{parameter_name(robot, missing)}: is 0 while {given} is not, so the pose is taken as exact; "
+        "set both, or neither",
+    )
 
 
 def legacy_pose(pose: tuple[float, float, float], grid: OccupancyGrid) -> tuple[float, float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -42,6 +43,8 @@ class MapMerge(LifecycleNode):
         for name, value in vars(self._in_effect).items():
             if problem := node_parameters.problem(name, value):
                 raise ValueError(f"parameter {problem}")
+        # Those of a file or the command line are nowhere else before somebody asks for them by name.
+        self._warn_of_unknown(self._parameter_overrides)
         self.add_on_set_parameters_callback(self._may_set)
         self.add_post_set_parameters_callback(self._was_set)
         if self._in_effect.autostart:
@@ -75,7 +78,10 @@ class MapMerge(LifecycleNode):
         try:
             self._session = MergeSession(self._in_effect, self.known_pose_parameter)
         except MapmeldError as error:
-            self.get_logger().error(f"config_file: {error}")
+            self.get_logger().error(
+                f"config_file: {error}; the node stays unconfigured: set config_file right and configure it "
+                "(ros2 lifecycle set), or start it anew"
+            )
             return TransitionCallbackReturn.FAILURE
         self._publishing = Publishing(
             self, self._in_effect.merged_map_topic, self._in_effect.publish_tf == "static"
@@ -149,9 +155,15 @@ class MapMerge(LifecycleNode):
         if self._is_declaring:
             return
         self._in_effect = node_parameters.read(self)
+        names = {change.name for change in changes}
+        self._warn_of_unknown(names)
         if self._active is None or self._session is None:
             return
-        names = {change.name for change in changes}
         for robot in self._session.robots.all():
             if names & {parameter_name(robot.name, what) for what in (*AXES, *SIGMAS)}:
-                self._active.place_known(robot.name)
+                self._active.pose_changed(robot.name)
+
+    def _warn_of_unknown(self, names: Iterable[str]) -> None:
+        for name in sorted(names):
+            if sentence := node_parameters.unknown(name):
+                self.get_logger().warning(sentence)

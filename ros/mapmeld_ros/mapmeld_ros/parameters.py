@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
+
+from mapmeld_ros.known_poses import AXES, SIGMAS
+
+_POSE_PARTS = (*AXES, *SIGMAS)
+_KNOWN_POSE = re.compile(rf"(/[^/]+)*/map_merge/init_pose_({'|'.join(_POSE_PARTS)})")
+# Parameters that every node has.
+_ROS_OWN = frozenset({"use_sim_time", "start_type_description_service"})
 
 TF_MODES = ("static", "dynamic", "off")
 TF_NAMESPACES = ("auto", "always", "never")
@@ -130,9 +140,20 @@ def descriptor(name: str) -> ParameterDescriptor:
 
 
 def declare(node: Node) -> Parameters:
-    """Declares all parameters and returns their values. Raises what rclpy raises for a value out of range."""
+    """Declares all parameters and returns their values.
+
+    Raises what rclpy raises for a value out of range, and ValueError for an integer where a double belongs.
+    """
     for parameter in dataclasses.fields(Parameters):
-        node.declare_parameter(parameter.name, parameter.default, descriptor(parameter.name))
+        try:
+            node.declare_parameter(parameter.name, parameter.default, descriptor(parameter.name))
+        except InvalidParameterTypeException as error:
+            found = re.search(r"to '(-?\d+)' of type 'INTEGER'", str(error))
+            if found is None or not isinstance(parameter.default, float):
+                raise
+            raise ValueError(
+                f"parameter {parameter.name}: takes a double; write {found[1]}.0 instead of {found[1]}"
+            ) from None
     return read(node)
 
 
@@ -140,6 +161,20 @@ def read(node: Node) -> Parameters:
     """The values that the node has now."""
     names = [f.name for f in dataclasses.fields(Parameters)]
     return Parameters(**{name: node.get_parameter(name).value for name in names})
+
+
+def unknown(name: str) -> str:
+    """What to say of a parameter that the node never reads; empty for one that it knows."""
+    known = [f.name for f in dataclasses.fields(Parameters)]
+    if name in known or name.startswith("qos_overrides.") or name in _ROS_OWN or _KNOWN_POSE.fullmatch(name):
+        return ""
+    robot, separator, _ = name.rpartition("/map_merge/init_pose_")
+    if separator:
+        meant = [f"/{robot.strip('/')}{separator}{w}" if robot else f"{separator}{w}" for w in _POSE_PARTS]
+    else:
+        meant = known
+    near = difflib.get_close_matches(name, meant, 1)
+    return f"parameter {name}: is not known and has no effect" + (f"; is {near[0]} meant?" if near else "")
 
 
 def problem(name: str, value: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from mapmeld import OccupancyGrid, write_map
@@ -25,7 +26,7 @@ def save(
         raise Refused("folder: is empty; name a folder on the node's machine")
     if known.estimate.result is None or not merged:
         raise Refused("there is no merged map yet; wait for the first one")
-    with OutputFolder(folder, force=force) as out:
+    with OutputFolder(Path(folder).absolute(), force=force) as out:
         files = {}
         for named in sorted(known.names, key=lambda n: n.number):
             if named.frame in merged:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from mapmeld_msgs.srv import PinRobot, SaveMaps, UnpinRobot
 from rclpy.node import Node
@@ -49,10 +50,11 @@ class Services:
             )
             response.success, response.message = (
                 True,
-                f"wrote {len(response.files)} files to {request.folder}",
+                f"wrote {len(response.files)} files to {Path(request.folder).absolute()}",
             )
         except (Refused, MapmeldError) as error:
-            response.message = str(error)
+            # Here the command line's option is a field.
+            response.message = str(error).replace("--force", "the field force: true")
         return response
 
     def _trigger(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

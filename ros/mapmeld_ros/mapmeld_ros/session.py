@@ -57,6 +57,7 @@ class MergeSession:
         # Robots whose known poses stand, and exact ones that users freed robots from.
         self._posed: set[str] = set()
         self._freed: dict[str, KnownPose] = {}
+        self._doubts: dict[str, str] = {}
         self._is_settled = False
         self._known = Known(Estimate((), (), None, 0, 0.0), ())
 
@@ -69,6 +70,11 @@ class MergeSession:
     def known(self) -> Known:
         """The newest estimate; one without robots before the first."""
         return self._known
+
+    def take_doubts(self) -> dict[str, str]:
+        """What known poses that were placed since the last call say that may not be meant, by robot."""
+        doubts, self._doubts = self._doubts, {}
+        return doubts
 
     def take_estimate(self, estimate: Estimate) -> Known:
         """Makes an estimate the newest one."""
@@ -139,6 +145,8 @@ class MergeSession:
             self.estimator.set_prior(name, None)
             return None
         self._posed.add(name)
+        if found.doubt:
+            self._doubts[name] = found.doubt
         is_legacy = self._parameters.legacy_init_poses
         pose = legacy_pose(found.pose, robot.grid) if is_legacy else found.pose
         if found.sigma is None:

@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from mapmeld_msgs.msg import MergeEstimate, RobotPlacement
 
+from mapmeld_ros.news import contradiction
 from mapmeld_ros.result_message import WAITING
 from mapmeld_ros.robots import Robot
 
@@ -35,33 +36,47 @@ def diagnostics_message(
     result.status = [_whole(node, msg, robots, error)]
     for robot in robots:
         placed = placements.get(robot.name)
-        result.status.append(_of_robot(node, robot, placed, problems.get(robot.name, ""), now))
+        problem = problems.get(robot.name, "")
+        result.status.append(_of_robot(node, robot, placed, problem, now, is_alone=len(robots) == 1))
     return result
 
 
 def _whole(node: str, msg: MergeEstimate, robots: Sequence[Robot], error: str) -> DiagnosticStatus:
     status = DiagnosticStatus(name=f"{node}: map merge", hardware_id=node, level=DiagnosticStatus.OK)
-    status.message = f"{len(robots)} robots in {len(msg.components)} maps"
+    against = [p.robot for p in msg.robots if contradiction(p)]
+    status.message = f"{_counted(len(robots), 'robot')} in {_counted(len(msg.components), 'map')}"
     if error:
         status.level, status.message = DiagnosticStatus.ERROR, f"the last estimate failed: {error}"
     elif not robots:
         status.level, status.message = DiagnosticStatus.WARN, "no robot's map topic found yet"
+    elif against:
+        status.level = DiagnosticStatus.WARN
+        status.message += f"; poses that contradict the walls: {', '.join(against)}"
     status.values = _values(estimate_seconds=f"{msg.seconds:.3f}", registered_pairs=str(msg.registered_pairs))
     return status
 
 
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 def _of_robot(
-    node: str, robot: Robot, placed: RobotPlacement | None, problem: str, now: float
+    node: str, robot: Robot, placed: RobotPlacement | None, problem: str, now: float, *, is_alone: bool
 ) -> DiagnosticStatus:
     word = placed.status if placed is not None else WAITING
     status = DiagnosticStatus(name=f"{node}: robot {robot.name}", hardware_id=robot.name)
-    is_good = word in _GOOD and not robot.bad and not problem
+    against = contradiction(placed) if placed is not None else ""
+    # Who is alone has nobody to share walls with.
+    is_placed = word in _GOOD or (is_alone and word == "no evidence")
+    is_good = is_placed and not robot.bad and not problem and not against
     status.level = DiagnosticStatus.OK if is_good else DiagnosticStatus.WARN
     said = [word]
     if robot.bad:
         said.append(f"newest message not used: {robot.bad}")
     if problem:
         said.append(problem)
+    if against:
+        said.append(f"its pose contradicts the walls: {against}")
     status.message = "; ".join(said)
     values = {
         "topic": robot.topic,

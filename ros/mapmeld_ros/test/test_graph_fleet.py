@@ -30,7 +30,7 @@ def test_a_robot_that_cannot_be_placed_is_published_alone_and_never_in_the_world
 
     hall = robots["hall"]
     assert (hall.component_frame, hall.component) == ("world_hall", 1)
-    assert estimate.components[1].map_topic == "map_2"
+    assert estimate.components[1].map_topic == "/map_2"
     assert not estimate.components[1].is_world
     assert "no " in hall.reason
     alone = graph.wait_map("/map_2")

@@ -35,7 +35,7 @@ def test_three_robots_are_one_map_and_one_tree(graph: Graph) -> None:
     assert_right(graph, "left", "right")
 
     assert [(list(c.robots), c.is_world, c.frame, c.map_topic) for c in estimate.components] == [
-        (["left", "middle", "right"], True, "world", "map")
+        (["left", "middle", "right"], True, "world", "/map")
     ]
     for robot in estimate.robots:
         assert robot.has_pose

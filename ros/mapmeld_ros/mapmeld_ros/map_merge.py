@@ -36,7 +36,8 @@ def main(args: list[str] | None = None) -> int:
     finally:
         executor.shutdown()
         node.destroy_node()
-        rclpy.try_shutdown()
+        # The process ends: taking the signal handlers away would race with a signal that still comes.
+        rclpy.try_shutdown(uninstall_handlers=False)
     return 0
 
 

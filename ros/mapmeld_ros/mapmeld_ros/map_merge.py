@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 import rclpy
@@ -16,6 +17,9 @@ RCLError = rclpy_implementation.RCLError
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until it is interrupted; the exit code."""
+    # rclpy's own handler ends the context, which ends the executor. Python's would raise KeyboardInterrupt besides,
+    # in whatever runs: inside the making of a message it comes out as an error that says nothing of an interrupt.
+    signal.signal(signal.SIGINT, lambda *_: None)
     rclpy.init(args=args)
     try:
         node = MapMerge()
@@ -27,10 +31,10 @@ def main(args: list[str] | None = None) -> int:
     executor.add_node(node)
     try:
         executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     except RCLError:
-        # The signal came while the executor was about to wait.
+        # The context ended while the executor was about to wait.
         if rclpy.ok():
             raise
     finally:

@@ -17,8 +17,8 @@ RCLError = rclpy_implementation.RCLError
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until it is interrupted; the exit code."""
-    # rclpy's own handler ends the context, which ends the executor. Python's would raise KeyboardInterrupt besides,
-    # in whatever runs: inside the making of a message it comes out as an error that says nothing of an interrupt.
+    # rclpy's own handler ends the context, which ends the executor. Python's would raise KeyboardInterrupt
+    # besides, in whatever runs: in the making of a message it comes out as an error that says nothing of it.
     signal.signal(signal.SIGINT, lambda *_: None)
     rclpy.init(args=args)
     try:

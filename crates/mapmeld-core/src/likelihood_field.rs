@@ -6,6 +6,7 @@
 
 use crate::boundary::BoundaryPoint;
 use crate::grid::{Locator, OccupancyGrid};
+use crate::probe::{Axes, Probe};
 use crate::se2::{Se2, Vec2};
 use std::f64::consts::TAU;
 
@@ -16,10 +17,24 @@ pub const DIRECTIONS: usize = 8;
 const AGREE: f64 = 0.92;
 const NONE: u16 = u16::MAX;
 
+/// A wall point in the axes of its grid, metres: what registration asks for, in one piece of memory.
+#[derive(Debug, Clone, Copy)]
+pub struct Wall {
+    /// Distance from the corner of cell (0, 0).
+    pub x: f32,
+    /// The same.
+    pub y: f32,
+    /// Unit normal into free space.
+    pub nx: f32,
+    /// The same.
+    pub ny: f32,
+}
+
 /// See the module's text. Holds indices into the boundary it was made from.
 #[derive(Debug, Clone)]
 pub struct LikelihoodField {
     nearest: Vec<u16>,
+    walls: Vec<Wall>,
 }
 
 /// Which of the eight directions a vector points to.
@@ -88,7 +103,19 @@ impl LikelihoodField {
                 }
             }
         }
-        Self { nearest }
+        let to_axes = grid.origin().inverse().to_rigid();
+        let wall = |b: &BoundaryPoint| {
+            let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));
+            Wall { x: p.x as f32, y: p.y as f32, nx: n.x as f32, ny: n.y as f32 }
+        };
+        Self { nearest, walls: boundary.iter().map(wall).collect() }
+    }
+
+    /// The nearest wall point of an octant at a cell; none within reach.
+    #[inline(always)]
+    pub fn wall(&self, cell: usize, octant: usize) -> Option<&Wall> {
+        // NONE lies beyond the last wall.
+        self.walls.get(usize::from(self.nearest[cell * DIRECTIONS + octant]))
     }
 
     /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
@@ -123,6 +150,64 @@ impl<'a> FieldView<'a> {
     #[inline(always)]
     pub fn nearest(&self, cell: usize, normal: Vec2) -> Option<usize> {
         self.field.nearest(cell, direction(self.locator.rotate(normal)))
+    }
+}
+
+/// Looks another map's probes up in a field.
+#[derive(Clone, Copy)]
+pub struct ProbeView<'a> {
+    field: &'a LikelihoodField,
+    axes: Axes,
+    per_metre: f32,
+    width: f32,
+    height: f32,
+    columns: usize,
+}
+
+/// Where a probe came to lie.
+#[derive(Clone, Copy)]
+pub struct Seen {
+    /// In the grid's axes, metres.
+    pub x: f32,
+    /// The same.
+    pub y: f32,
+    /// Index of the cell.
+    pub cell: usize,
+    /// Direction of its normal.
+    pub octant: usize,
+}
+
+impl<'a> ProbeView<'a> {
+    /// A view of the field of a grid from the axes of another one.
+    pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, t_axes_axes: &Se2) -> Self {
+        Self {
+            field,
+            axes: Axes::new(t_axes_axes),
+            per_metre: (1.0 / grid.resolution()) as f32,
+            width: grid.width() as f32,
+            height: grid.height() as f32,
+            columns: grid.width(),
+        }
+    }
+
+    /// Where a probe lies; none outside the grid.
+    #[inline(always)]
+    pub fn see(&self, p: &Probe) -> Option<Seen> {
+        let (x, y) = self.axes.apply(p.x, p.y);
+        let (u, v) = (x * self.per_metre, y * self.per_metre);
+        let is_inside = u >= 0.0 && v >= 0.0 && u < self.width && v < self.height;
+        is_inside.then(|| Seen {
+            x,
+            y,
+            cell: v as usize * self.columns + u as usize,
+            octant: self.axes.octant(p.direction),
+        })
+    }
+
+    /// The nearest wall that is oriented like what lies there, or, turned by half a turn, against it.
+    #[inline(always)]
+    pub fn wall(&self, seen: &Seen, half_turns: usize) -> Option<&'a Wall> {
+        self.field.wall(seen.cell, (seen.octant + half_turns * DIRECTIONS / 2) % DIRECTIONS)
     }
 }
 

@@ -4,8 +4,10 @@ use crate::boundary::{self, BoundaryPoint};
 use crate::config::Config;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
-use crate::likelihood_field::{FieldView, LikelihoodField};
-use crate::registration::correlation::CoarseTable;
+use crate::likelihood_field::{FieldView, LikelihoodField, ProbeView};
+use crate::probe::{self, Probe};
+use crate::registration::coarse_table::CoarseTable;
+use crate::registration::correlation;
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
 use std::collections::HashMap;
@@ -59,6 +61,10 @@ pub struct LocalMap {
     pub corners: Vec<Corner>,
     /// Wall points at a regular spacing, with the evidence each carries.
     pub samples: Vec<WallSample>,
+    /// The same as registration asks them.
+    pub probes: Vec<Probe>,
+    /// Weight of the walls by direction in the grid's axes, see [`correlation::turns`].
+    pub turns: Box<[f32; correlation::BINS]>,
     /// The wall samples in patches of a few metres.
     pub patches: Vec<Patch>,
     /// Length of all walls, every side counted, metres.
@@ -120,6 +126,7 @@ impl LocalMap {
         let mut corners = corners::find(&grid, &lines, &config.structure);
         corners.truncate(config.registration.max_corners);
         let samples = sample_walls(&grid, &boundary, &lines, config);
+        let probes = probe::probes(&grid, &samples);
         let wall_length = boundary.len() as f64 * grid.resolution();
         let long = lines.iter().map(Line::length).filter(|l| *l >= STRAIGHT).sum::<f64>();
         // Lines and samples know every point; the field of a very large map looks up fewer.
@@ -153,6 +160,8 @@ impl LocalMap {
             lines,
             corners,
             patches: patches(&samples),
+            turns: Box::new(correlation::turns(&probes)),
+            probes,
             samples,
             field,
             reach_cells,
@@ -173,6 +182,16 @@ impl LocalMap {
     /// The likelihood field as seen from another frame.
     pub fn field_view(&self, t_map_frame: &Se2) -> FieldView<'_> {
         FieldView::new(&self.grid, &self.field, t_map_frame)
+    }
+
+    /// The likelihood field as seen from another grid's axes.
+    pub fn probe_view(&self, t_axes_axes: &Se2) -> ProbeView<'_> {
+        ProbeView::new(&self.grid, &self.field, t_axes_axes)
+    }
+
+    /// Every so manieth sample makes about so many of them.
+    pub fn stride(&self, samples: usize) -> usize {
+        (self.samples.len() / samples.max(1)).max(1)
     }
 
     /// How far the likelihood field reaches, metres.

@@ -11,7 +11,7 @@ use crate::local_map::{LocalMap, Patch};
 use crate::perception::likelihood::{self, WallEvidence};
 use crate::perception::placed::Placed;
 use crate::probe::Probe;
-use crate::se2::{Se2, Vec2};
+use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
 /// Most rounds in which every patch is moved once.
@@ -59,47 +59,59 @@ impl Motion {
     }
 }
 
-/// What the walls of one other map pull a patch towards: information and gradient of (x, y, theta), turning about
-/// the patch's centre.
-fn pull(
-    probes: impl Iterator<Item = Probe>,
-    from: &LocalMap,
-    other: &Placed,
-    pose: &Se2,
-    at: Vec2,
-    scale: f64,
-) -> (Matrix3<f64>, Vector3<f64>) {
-    let t_world_axes = other.t_world_map.compose(&other.map.grid.origin());
-    let t_axes_axes = t_world_axes.between(&pose.compose(&from.grid.origin()));
-    let view = other.map.probe_view(&t_axes_axes);
-    let at = t_world_axes.inverse().apply(at);
-    let at = (at.x as f32, at.y as f32);
-    let scale = (scale * scale) as f32;
-    let (mut h, mut g) = ([0.0f32; 6], [0.0f32; 3]);
-    for p in probes {
-        let Some(s) = view.see(&p) else { continue };
-        let Some(wall) = view.wall(&s, 0) else { continue };
-        let residual = (s.x - wall.x) * wall.nx + (s.y - wall.y) * wall.ny;
-        let turn = wall.ny * (s.x - at.0) - wall.nx * (s.y - at.1);
-        let w = scale / (scale + residual * residual);
-        let w = w * w;
-        let (wx, wy, wt) = (w * wall.nx, w * wall.ny, w * turn);
-        h[0] += wx * wall.nx;
-        h[1] += wx * wall.ny;
-        h[2] += wx * turn;
-        h[3] += wy * wall.ny;
-        h[4] += wy * turn;
-        h[5] += wt * turn;
-        g[0] += wx * residual;
-        g[1] += wy * residual;
-        g[2] += wt * residual;
+/// A map that patches are pulled by, at its place.
+struct Puller<'a> {
+    map: &'a LocalMap,
+    t_world_axes: Se2,
+    to_axes: Rigid,
+    /// Turns (x, y, theta) from the grid's axes to the world's.
+    turn: Matrix3<f64>,
+}
+
+impl<'a> Puller<'a> {
+    fn new(placed: &Placed<'a>) -> Self {
+        let t_world_axes = placed.t_world_map.compose(&placed.map.grid.origin());
+        let (s, c) = t_world_axes.theta.sin_cos();
+        let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
+        Self { map: placed.map, t_world_axes, to_axes: t_world_axes.inverse().to_rigid(), turn }
     }
-    let [xx, xy, xt, yy, yt, tt] = h.map(f64::from);
-    // From the other grid's axes to the world's.
-    let (s, c) = t_world_axes.theta.sin_cos();
-    let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
-    let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
-    (turn * h * turn.transpose(), turn * Vector3::from(g.map(f64::from)))
+
+    /// What the walls pull the probes of a patch towards, whose map's axes lie at `t_world_from`: information and
+    /// gradient of (x, y, theta), turning about `at`, a point of the world.
+    fn pull(
+        &self,
+        probes: impl Iterator<Item = Probe>,
+        t_world_from: &Se2,
+        at: Vec2,
+        scale: f64,
+    ) -> (Matrix3<f64>, Vector3<f64>) {
+        let view = self.map.probe_view(&self.t_world_axes.between(t_world_from));
+        let at = self.to_axes.apply(at);
+        let at = (at.x as f32, at.y as f32);
+        let scale = (scale * scale) as f32;
+        let (mut h, mut g) = ([0.0f32; 6], [0.0f32; 3]);
+        for p in probes {
+            let Some(s) = view.see(&p) else { continue };
+            let Some(wall) = view.wall(&s, 0) else { continue };
+            let residual = (s.x - wall.x) * wall.nx + (s.y - wall.y) * wall.ny;
+            let turn = wall.ny * (s.x - at.0) - wall.nx * (s.y - at.1);
+            let w = scale / (scale + residual * residual);
+            let w = w * w;
+            let (wx, wy, wt) = (w * wall.nx, w * wall.ny, w * turn);
+            h[0] += wx * wall.nx;
+            h[1] += wx * wall.ny;
+            h[2] += wx * turn;
+            h[3] += wy * wall.ny;
+            h[4] += wy * turn;
+            h[5] += wt * turn;
+            g[0] += wx * residual;
+            g[1] += wy * residual;
+            g[2] += wt * residual;
+        }
+        let [xx, xy, xt, yy, yt, tt] = h.map(f64::from);
+        let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
+        (self.turn * h * self.turn.transpose(), self.turn * Vector3::from(g.map(f64::from)))
+    }
 }
 
 /// A map unbent against others: the pose of each of its patches.
@@ -125,6 +137,7 @@ pub fn unbend<I: Iterator<Item = u32>>(
     let finest = config.wall_sigma.max(resolution);
     // Neighbouring samples are correlated.
     let discount = step as f64 * from.spacing / config.correlation_length / (finest * finest);
+    let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let motion = |p: &Patch| Motion::none(rigid.apply(p.center));
     let mut motions: Vec<Motion> = from.patches.iter().map(motion).collect();
     let mut scale = 0.5 * reach;
@@ -132,13 +145,13 @@ pub fn unbend<I: Iterator<Item = u32>>(
         let mut moved = 0.0f64;
         for (k, patch) in from.patches.iter().enumerate() {
             let here = motions[k];
-            let pose = here.pose(rigid);
+            let pose = here.pose(rigid).compose(&from.grid.origin());
             let leash = 1.0 / (LEASH * LEASH);
             let mut h = Matrix3::from_diagonal(&Vector3::new(leash, leash, 0.0));
             let mut g = Vector3::new(here.shift.x * leash, here.shift.y * leash, 0.0);
-            for other in others {
+            for puller in &pullers {
                 let probes = samples(k).map(|i| from.probes[i as usize]);
-                let of_walls = pull(probes, from, other, &pose, here.center + here.shift, scale);
+                let of_walls = puller.pull(probes, &pose, here.center + here.shift, scale);
                 h += discount * of_walls.0;
                 g += discount * of_walls.1;
             }

@@ -18,7 +18,7 @@ const DEPTH: f64 = 0.3;
 /// Score of a wall in place, where none is, and in clear free space.
 pub const SCORES: (f64, i8, i8) = (8.0, -3, -16);
 /// Cells without a score that a run bridges, since one longer run is faster than two short ones.
-const BRIDGED: usize = 8;
+const BRIDGED: usize = 24;
 
 /// Cells of one row that follow each other, some of which score.
 #[derive(Debug, Clone, Copy)]

@@ -11,7 +11,7 @@
 use crate::likelihood_field::DIRECTIONS;
 use crate::local_map::LocalMap;
 use crate::probe::{Axes, Probe};
-use crate::registration::coarse_table::{CoarseTable, Wide, SCORES};
+use crate::registration::coarse_table::{CoarseTable, Run, Wide, SCORES};
 use crate::registration::{Candidate, Source};
 use crate::se2::Se2;
 use std::f64::consts::TAU;
@@ -28,8 +28,10 @@ const LOOKED_INTO: usize = 240;
 const PEAK_SAMPLES: usize = 160;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
-/// Most steps of a sample's weight: independent observations times this.
-const STEPS: f64 = 40.0;
+/// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
+const STEPS: f64 = 2.0;
+/// Steps that a bin's contradiction is told in: it is spread wider than agreement is.
+const CONTRADICTION: f32 = 4.0;
 
 /// Candidates for `T_a_b`, each with its score, the best first.
 pub fn candidates(a: &LocalMap, b: &LocalMap) -> Vec<(f32, Candidate)> {
@@ -212,15 +214,16 @@ impl Shifts {
         self.scores.clear();
         self.scores.resize(w * h, 0);
         // What rounding takes from one bin it gives to the next.
-        let mut carry = 0.0;
         for (table, runs) in a.runs.iter().enumerate() {
+            let mut carry = 0.0;
+            let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
             for at in 0..area {
                 let weight = self.bins[table * area + at];
                 if weight <= 0.0 {
                     continue;
                 }
                 carry += weight * steps;
-                let weight = carry.floor().min(1000.0);
+                let weight = (carry / unit).floor().min(1000.0) * unit;
                 carry -= weight;
                 if weight < 1.0 {
                     continue;
@@ -228,15 +231,7 @@ impl Shifts {
                 // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
                 let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
                 let weight = weight as i16;
-                for run in runs {
-                    let len = run.len as usize;
-                    let values = &a.values[run.at as usize..run.at as usize + len];
-                    let start = to + run.row as usize * w + run.col as usize;
-                    let scores = &mut self.scores[start..start + len];
-                    for (score, value) in scores.iter_mut().zip(values) {
-                        *score = score.saturating_add(weight * value);
-                    }
-                }
+                add(&mut self.scores[to..], w, runs, &a.values, weight);
             }
         }
         let shift = |at: usize| {
@@ -245,6 +240,18 @@ impl Shifts {
         };
         let tops = peaks_of(&self.scores, w, h);
         tops.into_iter().map(|(score, at)| (f32::from(score) / steps, shift(at))).collect()
+    }
+}
+
+/// Adds the runs of a table, each value so many times, to the scores of the shifts at which a bin meets them.
+fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i16) {
+    for run in runs {
+        let len = run.len as usize;
+        let values = &values[run.at as usize..run.at as usize + len];
+        let start = run.row as usize * width + run.col as usize;
+        for (score, value) in scores[start..start + len].iter_mut().zip(values) {
+            *score = score.saturating_add(weight * value);
+        }
     }
 }
 

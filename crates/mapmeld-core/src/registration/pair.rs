@@ -17,11 +17,11 @@ const BRIEF_SAMPLES: usize = 64;
 /// Samples that a longer look takes.
 const LONGER_SAMPLES: usize = 200;
 /// Samples of each map that the first steps uphill follow.
-const FIRST_SAMPLES: usize = 120;
+const FIRST_SAMPLES: usize = 80;
 /// Samples of each map that a climb follows.
-const CLIMB_SAMPLES: usize = 250;
+const CLIMB_SAMPLES: usize = 160;
 /// Samples of each map that the last climb of a mode follows.
-const FINAL_SAMPLES: usize = 600;
+const FINAL_SAMPLES: usize = 400;
 /// Modes of the mirror image, of which the best alone is asked for.
 const DECOYS: usize = 4;
 /// Steps that every candidate worth a second look is led uphill.
@@ -121,7 +121,7 @@ fn find_modes(
         let few = distinct(finely(&tops, FINAL_SAMPLES, rigid), max_modes);
         let climb = Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0 };
         let at_top = climbed(&few, &climb, rigid);
-        let at_top = distinct(finely(&at_top, 4 * FINAL_SAMPLES, rigid), max_modes);
+        let at_top = distinct(finely(&at_top, 2 * FINAL_SAMPLES, rigid), max_modes);
         let mut modes: Vec<Mode> = at_top.into_iter().map(|c| mode(ma, mb, c, p)).collect();
         modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
         modes

@@ -33,7 +33,7 @@ pub struct Wall {
 /// See the module's text. Holds indices into the boundary it was made from.
 #[derive(Debug, Clone)]
 pub struct LikelihoodField {
-    nearest: Vec<u16>,
+    nearest: Vec<[u16; DIRECTIONS]>,
     walls: Vec<Wall>,
 }
 
@@ -70,35 +70,38 @@ impl LikelihoodField {
     pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
         assert!(boundary.len() < NONE as usize, "boundary must be thinned first");
         let (w, h) = (grid.width(), grid.height());
-        let mut nearest = vec![NONE; w * h * DIRECTIONS];
-        let mut squared = vec![u8::MAX; w * h * DIRECTIONS];
+        let mut nearest = vec![[NONE; DIRECTIONS]; w * h];
+        let mut squared = vec![[u8::MAX; DIRECTIONS]; w * h];
         let r = reach as isize;
-        // The disc, nearest first, so that dense walls overwrite little.
-        let disc: Vec<(isize, isize, u8)> = (-r..=r)
-            .flat_map(|dr| (-r..=r).map(move |dc| (dr, dc)))
-            .filter(|(dr, dc)| dr * dr + dc * dc <= r * r)
-            .map(|(dr, dc)| (dr, dc, (dr * dr + dc * dc).min(254) as u8))
-            .collect();
         let to_grid = grid.locator();
         for (k, p) in boundary.iter().enumerate() {
             let n = to_grid.rotate(p.normal);
             let angle = n.y.atan2(n.x);
-            let bins: Vec<usize> = (0..DIRECTIONS)
-                .filter(|b| {
-                    crate::se2::wrap(angle - TAU * *b as f64 / DIRECTIONS as f64).abs() <= AGREE
-                })
-                .collect();
+            // A direction that does not agree is farther than any byte.
+            let far: [u8; DIRECTIONS] = std::array::from_fn(|b| {
+                let off = crate::se2::wrap(angle - TAU * b as f64 / DIRECTIONS as f64).abs();
+                if off <= AGREE {
+                    0
+                } else {
+                    u8::MAX
+                }
+            });
             let (row, col) = ((p.cell as usize / w) as isize, (p.cell as usize % w) as isize);
-            for &(dr, dc, d2) in &disc {
-                let (rr, cc) = (row + dr, col + dc);
-                if rr < 0 || cc < 0 || rr >= h as isize || cc >= w as isize {
+            for dr in -r..=r {
+                if !(0..h as isize).contains(&(row + dr)) {
                     continue;
                 }
-                let at = (rr as usize * w + cc as usize) * DIRECTIONS;
-                for b in &bins {
-                    if d2 < squared[at + b] {
-                        squared[at + b] = d2;
-                        nearest[at + b] = k as u16;
+                let half = ((r * r - dr * dr) as f64).sqrt() as isize;
+                let line = (row + dr) as usize * w;
+                for cc in (col - half).max(0)..=(col + half).min(w as isize - 1) {
+                    let (dc, at) = (cc - col, line + cc as usize);
+                    let d2 = (dr * dr + dc * dc).min(254) as u8;
+                    let (squared, nearest) = (&mut squared[at], &mut nearest[at]);
+                    for b in 0..DIRECTIONS {
+                        let d = d2 | far[b];
+                        let is_nearer = d < squared[b];
+                        squared[b] = if is_nearer { d } else { squared[b] };
+                        nearest[b] = if is_nearer { k as u16 } else { nearest[b] };
                     }
                 }
             }
@@ -115,14 +118,14 @@ impl LikelihoodField {
     #[inline(always)]
     pub fn wall(&self, cell: usize, octant: usize) -> Option<&Wall> {
         // NONE lies beyond the last wall.
-        self.walls.get(usize::from(self.nearest[cell * DIRECTIONS + octant]))
+        self.walls.get(usize::from(self.nearest[cell][octant]))
     }
 
     /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
     /// a cell; none within reach.
     #[inline(always)]
     pub fn nearest(&self, cell: usize, direction: usize) -> Option<usize> {
-        let k = self.nearest[cell * DIRECTIONS + direction];
+        let k = self.nearest[cell][direction];
         (k != NONE).then_some(k as usize)
     }
 }

@@ -136,6 +136,8 @@ impl VirtualRobot<'_> {
                 None => kept.push((support, x, covariance)),
             }
         }
+        // What no pair speaks for no group of placed maps speaks for either.
+        kept.retain(|k| k.0 > 0.0);
         kept.sort_by(|a, b| b.0.total_cmp(&a.0));
         kept.truncate(self.config.filter.candidates_per_map);
         kept

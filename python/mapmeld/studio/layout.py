@@ -74,11 +74,7 @@ def solved(
             parts.append(part)
     if not fixed and parts:
         first = parts.pop(0)
-        lead = (
-            next(iter(first))
-            if result.components[0].reference not in first
-            else result.components[0].reference
-        )
+        lead = next(iter(first))
         into = se2.compose(before[lead], se2.inverse(first[lead])) if not is_first else np.zeros(3)
         fixed = {n: as_pose(se2.compose(into, T)) for n, T in first.items()}
     return fixed | _side_by_side(parts, grids, boxes, box_of(fixed, grids, boxes) if fixed else None)

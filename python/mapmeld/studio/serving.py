@@ -17,7 +17,7 @@ HOST = "127.0.0.1"
 
 
 def bound(port: int) -> socket.socket:
-    """A socket of this machine alone, at the port, 0 for any that is free. Raises MapmeldError: it is in use."""
+    """A socket of this machine alone at the port; 0: any that is free. Raises MapmeldError: it is taken."""
     place = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if sys.platform != "win32":
         # A port whose last connections are fading is free; one that somebody listens at is not.

@@ -225,11 +225,11 @@ class Workbench:
                     f"snap: no walls of {what} meet walls of other maps here; put it nearer to its place"
                 )
             )
-        T = found["T_base_moved"]
-        poses = {n: as_pose(se2.compose(T, pose)) for n, pose in moved.items()}
+        shift = found["T_base_moved"]
+        poses = {n: as_pose(se2.compose(shift, own)) for n, own in moved.items()}
         self._do(f"snap {what}", lambda d: dataclasses.replace(d, poses={**d.poses, **poses}))
         return {
-            "poses": {n: list(pose) for n, pose in poses.items()},
+            "poses": {n: list(own) for n, own in poses.items()},
             "probability": found["probability"],
             "log_likelihood": found["log_likelihood"],
             "agreement": found["agreement"],

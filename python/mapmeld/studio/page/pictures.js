@@ -32,7 +32,7 @@ export class Picture {
 
   /** Colours the picture: floor and walls as [r, g, b]. */
   colour(floor, wall) {
-    const packed = [0, pack(floor, 150), pack(wall, 255)];
+    const packed = [0, pack(floor, 220), pack(wall, 255)];
     this.levels = this.sizes.map(({ cells, width, height }) => {
       const canvas = surface(width, height);
       const context = canvas.getContext('2d');

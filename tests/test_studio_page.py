@@ -354,8 +354,10 @@ def test_text_is_readable_in_light_and_dark(tmp_path: Path, scheme: str) -> None
         page = Page(context, url)
         page.until_solved()
         page.select("left")
-        script = """() => [...document.querySelectorAll('aside *')].filter(e =>
-          e.checkVisibility() && !e.disabled && [...e.childNodes].some(n => n.nodeType === 3 && n.data.trim())).map(e => {
+        script = """() => [...document.querySelectorAll('aside *')].filter(e => {
+          const hasText = [...e.childNodes].some(n => n.nodeType === 3 && n.data.trim());
+          return hasText && e.checkVisibility() && !e.disabled;
+        }).map(e => {
           const none = 'rgba(0, 0, 0, 0)', of = e => getComputedStyle(e).backgroundColor;
           let at = e;
           while (of(at) === none) at = at.parentElement;

@@ -243,13 +243,13 @@ def classes_png(grid: OccupancyGrid) -> bytes:
 
 
 def conflicts_png(layer: NDArray[np.bool_]) -> bytes:
-    """Where maps contradict each other as a red picture, row 0 at the top and of the highest y; a cell wider
-    all round, so that single ones are seen."""
-    from PIL import Image, ImageFilter
+    """Where maps contradict each other as a red picture that shows what lies below; row 0 at the top, of the
+    highest y."""
+    from PIL import Image
 
-    mask = Image.fromarray(layer[::-1]).convert("L").filter(ImageFilter.MaxFilter(3))
-    picture = Image.new("RGBA", mask.size, (226, 0, 26, 0))
-    picture.putalpha(mask)
+    alpha = np.where(layer[::-1], 170, 0).astype(np.uint8)
+    picture = Image.new("RGBA", alpha.shape[::-1], (226, 0, 26, 0))
+    picture.putalpha(Image.fromarray(alpha))
     file = io.BytesIO()
     picture.save(file, "PNG", compress_level=1)
     return file.getvalue()

@@ -61,7 +61,7 @@ function verdict(state) {
   const text = [parts.length === 1 && !apart.length ? `All ${state.maps.length} maps are one.` : `${state.maps.length} maps, ${parts.length} parts.`];
   if (apart.length && parts.length > 1) text.push(`Not placed: ${apart.map(m => m.name).join(', ')}.`);
   const first = state.parts[0];
-  if (first?.shared_cells) text.push(`${(100 * first.conflict_cells / first.shared_cells).toFixed(1)} % of the shared cells contradict (red).`);
+  if (first?.shared_cells) text.push(`${(100 * first.conflict_cells / first.shared_cells).toFixed(1)} % of the cells that several maps know contradict (C marks them).`);
   if (!state.is_current) text.push('What you said since then is not in it: solve again.');
   return text.join(' ');
 }

@@ -241,7 +241,7 @@ def told(result: MergeResult, known: Known) -> MergeResult:
 
 def _told(m: PlacedMap, known: Known) -> PlacedMap:
     if m.name in known.pins and m.status != "blank":
-        return dataclasses.replace(m, status="pinned", reason="pinned: it lies there whatever its walls say")
+        return dataclasses.replace(m, status="pinned", reason="pinned there by hand, whatever its walls say")
     if m.status != "prior" or m.name in known.priors:
         return m
     others = [s.b if s.a == m.name else s.a for s in known.same_points if m.name in (s.a, s.b)]

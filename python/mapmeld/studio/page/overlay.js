@@ -36,7 +36,7 @@ export function overlay(context, app) {
   const all = document.getElementById('names').checked;
   app.infos.forEach((info, k) => {
     const m = app.state.maps[k];
-    const pin = m.pin === 'hard' ? '📌 ' : m.pin === 'soft' ? '≈ ' : '';
+    const pin = m.pin === 'hard' ? '● ' : m.pin === 'soft' ? '○ ' : '';
     if (!all && !pin && info.name !== app.selected) return;
     const at = scene.toScreen(app.middle([info.name]));
     label(context, pin + info.name, at, app.css(k), app.card, 13, 'center');

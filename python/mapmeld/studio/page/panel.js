@@ -68,7 +68,7 @@ function verdict(state) {
 
 function showMaps(app) {
   const rows = app.state.maps.map((m, k) => {
-    const pin = m.pin === 'hard' ? '📌 ' : m.pin === 'soft' ? '≈ ' : '';
+    const pin = m.pin === 'hard' ? '● ' : m.pin === 'soft' ? '○ ' : '';
     const probability = m.status === 'merged' ? ` ${m.probability.toFixed(2)}` : '';
     const status = element('span', { class: APART.has(m.status) ? 'status apart' : 'status' }, m.status ? pin + m.status + probability : pin);
     const swatch = element('i', { colour: app.css(k), 'aria-hidden': 'true' });
@@ -107,7 +107,7 @@ function showSelected(app) {
   $('selected').hidden = !m;
   if (!m) return;
   $('selected').querySelector('h2').textContent = m.name;
-  $('selected').querySelector('.reason').textContent = m.reason ? `${m.status}: ${m.reason}` : 'not solved yet';
+  $('selected').querySelector('.reason').textContent = m.reason ? `${m.status}: ${m.reason}`.replace('pinned: ', '') : 'not solved yet';
   $('pin').textContent = m.pin === 'hard' ? 'Let go' : 'Pin';
   $('pin').setAttribute('aria-pressed', String(m.pin === 'hard'));
   $('soft').textContent = m.pin === 'soft' ? 'Let go' : 'Soft pin';

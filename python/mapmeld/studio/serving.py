@@ -44,8 +44,8 @@ def serve(bench: Workbench, place: socket.socket, ready: Callable[[str], object]
         lifespan="off",
         timeout_graceful_shutdown=1,
     )
-    ready(f"http://{HOST}:{place.getsockname()[1]}/{token}/")
     try:
+        ready(f"http://{HOST}:{place.getsockname()[1]}/{token}/")
         uvicorn.Server(config).run(sockets=[place])
     except KeyboardInterrupt:
         # How it is ended; uvicorn raises it again when it has shut down.

@@ -1,0 +1,69 @@
+"""`mapmeld studio` from the outside: what it refuses before it serves."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rooms import assert_refused, building, run_cli, save
+from studio_page import studio
+
+
+@pytest.fixture
+def maps(tmp_path: Path) -> list[str]:
+    return save(tmp_path / "maps", building()[:2])
+
+
+def test_a_port_in_use_is_told(tmp_path: Path, maps: list[str]) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        outcome = run_cli("studio", *maps, "-o", tmp_path / "out", "--port", port)
+    assert_refused(outcome, f"--port {port}: cannot be used", "choose another one")
+
+
+def test_a_second_workbench_at_a_port_is_refused(tmp_path: Path, maps: list[str]) -> None:
+    with studio(maps, tmp_path / "out") as url:
+        port = url.split(":")[2].split("/")[0]
+        assert_refused(run_cli("studio", *maps, "-o", tmp_path / "out", "--port", port), "cannot be used")
+
+
+def test_a_session_of_other_maps_is_refused(tmp_path: Path, maps: list[str]) -> None:
+    assert run_cli("merge", *maps, "-o", tmp_path / "out", "--pin", "left=0,0,0")[0] == 0
+    session = tmp_path / "out" / "session.json"
+    others = save(tmp_path / "others", building())
+    outcome = run_cli("studio", *others, "-o", tmp_path / "new", "--session", session)
+    assert_refused(outcome, "session.json: does not fit these maps", "right")
+    known = json.loads(session.read_text())
+    known["known"]["pins"][0]["T_world_map"] = [0, 0]
+    session.write_text(json.dumps(known))
+    assert_refused(run_cli("studio", *maps, "--session", session), "pins[0]", "T_world_map")
+
+
+def test_a_folder_that_cannot_be_saved_to_is_told_at_once(tmp_path: Path, maps: list[str]) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("mine")
+    assert_refused(run_cli("studio", *maps, "-o", tmp_path / "out"), "mine.txt")
+
+
+def test_what_is_not_installed_is_told() -> None:
+    code = (
+        "import sys\nsys.modules['uvicorn'] = None\nsys.argv = ['mapmeld', 'studio', 'a.yaml']\n"
+        "from mapmeld.cli import main\nmain()"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 2
+    assert "pip install 'mapmeld[studio]'" in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+def test_nothing_is_left_where_nothing_was_saved(tmp_path: Path, maps: list[str]) -> None:
+    with studio(maps, tmp_path / "out"):
+        pass
+    assert not (tmp_path / "out").exists()

@@ -6,7 +6,9 @@ import json
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -67,3 +69,15 @@ def test_nothing_is_left_where_nothing_was_saved(tmp_path: Path, maps: list[str]
     with studio(maps, tmp_path / "out"):
         pass
     assert not (tmp_path / "out").exists()
+
+
+def test_ctrl_c_ends_it_soon_even_during_a_solve(tmp_path: Path, shared_data: Path) -> None:
+    maps = sorted((shared_data / "intel_k10_drift").glob("*.yaml"))
+    with studio(maps, tmp_path / "out") as url:
+        body = json.dumps({"tab": "t", "do": "solve"}).encode()
+        urlopen(Request(f"{url}act", body)).read()
+        # A tab that listens does not keep it either.
+        news = urlopen(f"{url}events?tab=t", timeout=20)
+        assert news.readline().startswith(b"event: state")
+        started = time.monotonic()
+    assert time.monotonic() - started < 10

@@ -10,6 +10,7 @@ import contextlib
 import hmac
 import io
 import json
+import threading
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,6 +39,8 @@ WRONG_TOKEN = (
     "This address lacks the right token. Copy the whole address that `mapmeld studio` printed; each start "
     "has a token of its own."
 )
+END = "end"
+"""The news that ends a tab's stream of news."""
 _MOST_BYTES = 1 << 20
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'",
@@ -140,6 +143,8 @@ def application(bench: Workbench, token: str) -> Starlette:
                     # A line now and then finds out whether the tab is still there.
                     with contextlib.suppress(asyncio.TimeoutError):
                         event = await asyncio.wait_for(queue.get(), 5.0)
+                        if event == END:
+                            return
                         data = json.dumps(bench.state()) if event == "state" else "{}"
                         yield f"event: {event}\ndata: {data}\n\n"
                         continue
@@ -170,8 +175,7 @@ def application(bench: Workbench, token: str) -> Starlette:
             if bench.state()["solving"] is not None:
                 return JSONResponse({"error": "a solve is running; wait for it or cancel it"}, 409)
             # Whoever closes the tab meanwhile finds the answer when the page is opened again.
-            task = asyncio.get_running_loop().run_in_executor(None, bench.solve)
-            task.add_done_callback(lambda done: done.exception())
+            threading.Thread(target=bench.solve, daemon=True).start()
             return JSONResponse({"told": None, "state": bench.state()})
         try:
             told = await run_in_threadpool(action, bench, body)
@@ -219,7 +223,7 @@ def application(bench: Workbench, token: str) -> Starlette:
 
         return guard
 
-    return Starlette(
+    served = Starlette(
         routes=[Mount(f"/{token}", routes=inside)],
         middleware=[
             # A page elsewhere whose name was made to point here does not get in.
@@ -228,6 +232,8 @@ def application(bench: Workbench, token: str) -> Starlette:
         ],
         exception_handlers={HTTPException: wrong},
     )
+    served.state.tabs = tabs
+    return served
 
 
 def classes_png(grid: OccupancyGrid) -> bytes:

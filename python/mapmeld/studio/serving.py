@@ -10,7 +10,7 @@ from collections.abc import Callable
 import uvicorn
 
 from mapmeld.errors import MapmeldError
-from mapmeld.studio.server import application
+from mapmeld.studio.server import END, application
 from mapmeld.studio.workbench import Workbench
 
 HOST = "127.0.0.1"
@@ -34,6 +34,14 @@ def bound(port: int) -> socket.socket:
     return place
 
 
+class _Server(uvicorn.Server):
+    """A server that tells the tabs when it ends, which would keep it waiting otherwise."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self.config.app.state.tabs.tell(END)  # type: ignore[union-attr]
+        await super().shutdown(sockets)
+
+
 def serve(bench: Workbench, place: socket.socket, ready: Callable[[str], object]) -> None:
     """Serves until Ctrl-C. ready: is told the address, with its token, before the first request comes."""
     token = secrets.token_urlsafe(24)
@@ -46,7 +54,7 @@ def serve(bench: Workbench, place: socket.socket, ready: Callable[[str], object]
     )
     try:
         ready(f"http://{HOST}:{place.getsockname()[1]}/{token}/")
-        uvicorn.Server(config).run(sockets=[place])
+        _Server(config).run(sockets=[place])
     except KeyboardInterrupt:
         # How it is ended; uvicorn raises it again when it has shut down.
         pass

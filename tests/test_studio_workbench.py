@@ -97,6 +97,20 @@ def test_a_soft_pin_gives_way_to_walls(tmp_path: Path) -> None:
     assert math.dist(off[:2], true[:2]) < 0.1
 
 
+def test_a_map_that_lies_wrong_contradicts_the_others(tmp_path: Path) -> None:
+    bench = workbench(building(), tmp_path)
+    bench.solve()
+    right = {m["name"]: m["contradicting"] for m in bench.state()["maps"]}
+    assert max(right.values()) < 0.02
+    left, middle = (bench.desk.poses[n] for n in ("left", "middle"))
+    bench.move({"middle": (middle[0] + 1.0, middle[1] + 0.7, middle[2] + 0.2), "left": left})
+    bench.pin("middle")
+    bench.pin("left")
+    bench.solve()
+    wrong = {m["name"]: m["contradicting"] for m in bench.state()["maps"]}
+    assert max(wrong["left"], wrong["middle"]) > 0.04
+
+
 def test_choosing_a_hypothesis_makes_the_solve_take_it(tmp_path: Path) -> None:
     bench = workbench([room("a", (0.0, 0.0, 0.0)), room("b", (3.0, -2.0, 0.4))], tmp_path)
     bench.solve()

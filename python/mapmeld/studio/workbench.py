@@ -28,6 +28,7 @@ from mapmeld.output import OutputFolder, write_merged_maps, write_report, write_
 from mapmeld.result import MergeResult
 from mapmeld.session_file import Session
 from mapmeld.studio import layout
+from mapmeld.studio.contradictions import contradictions
 from mapmeld.studio.layout import Pose, as_pose
 
 SOFT_SIGMA = (0.3, 0.3, 0.1)
@@ -47,7 +48,8 @@ class _Cancelled(Exception):
 @dataclass(frozen=True)
 class Desk:
     """The bench at one time. poses: T_bench_map of every map. result: of the last solve, which knew `solved`
-    and has the number `solve`. did: what led here, for the undo button.
+    and has the number `solve`; contradicting: share of each map's cells that contradict others there.
+    did: what led here, for the undo button.
     """
 
     poses: Mapping[str, Pose]
@@ -55,6 +57,7 @@ class Desk:
     result: MergeResult | None = None
     solved: Known | None = None
     solve: int = 0
+    contradicting: Mapping[str, float] = dataclasses.field(default_factory=dict)
     did: str = ""
 
 
@@ -134,6 +137,7 @@ class Workbench:
                     "status": placed[n].status if n in placed else None,
                     "probability": placed[n].probability if n in placed else None,
                     "reason": placed[n].reason if n in placed else None,
+                    "contradicting": desk.contradicting.get(n),
                     "pin": "hard" if n in desk.known.pins else "soft" if n in desk.known.priors else None,
                 }
                 for n in self.grids
@@ -355,7 +359,8 @@ class Workbench:
             desk = self.desk
             poses = layout.solved(result, desk.poses, self.grids, self.boxes, desk.result is None)
             self._solves += 1
-            self._end(Desk(poses, known, result, known, self._solves, "solve"), None)
+            against = contradictions(result, self.grids)
+            self._end(Desk(poses, known, result, known, self._solves, against, "solve"), None)
 
     def cancel(self) -> None:
         """Ends a solve at its next piece of work."""

@@ -70,7 +70,8 @@ function showMaps(app) {
   const rows = app.state.maps.map((m, k) => {
     const pin = m.pin === 'hard' ? '● ' : m.pin === 'soft' ? '○ ' : '';
     const probability = m.status === 'merged' ? ` ${m.probability.toFixed(2)}` : '';
-    const status = element('span', { class: APART.has(m.status) ? 'status apart' : 'status' }, m.status ? pin + m.status + probability : pin);
+    const against = m.contradicting === null ? '' : `, ✗ ${(100 * m.contradicting).toFixed(0)} %`;
+    const status = element('span', { class: APART.has(m.status) ? 'status apart' : 'status' }, m.status ? pin + m.status + probability + against : pin);
     const swatch = element('i', { colour: app.css(k), 'aria-hidden': 'true' });
     return element('li', {}, element('button', {
       'aria-pressed': String(app.selected === m.name), title: m.reason ?? m.name, onclick: () => app.select(m.name, true),
@@ -108,6 +109,9 @@ function showSelected(app) {
   if (!m) return;
   $('selected').querySelector('h2').textContent = m.name;
   $('selected').querySelector('.reason').textContent = m.reason ? `${m.status}: ${m.reason}`.replace('pinned: ', '') : 'not solved yet';
+  if (m.contradicting !== null) {
+    $('selected').querySelector('.reason').textContent += `. ${(100 * m.contradicting).toFixed(1)} % of its cells contradict other maps`;
+  }
   $('pin').textContent = m.pin === 'hard' ? 'Let go' : 'Pin';
   $('pin').setAttribute('aria-pressed', String(m.pin === 'hard'));
   $('soft').textContent = m.pin === 'soft' ? 'Let go' : 'Soft pin';

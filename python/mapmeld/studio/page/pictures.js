@@ -6,7 +6,8 @@ const UNKNOWN = 0, FREE = 1, OCCUPIED = 2;
 export class Picture {
   constructor(info) {
     this.info = info;
-    this.levels = [];
+    this.floors = [];
+    this.walls = [];
   }
 
   async load(url) {
@@ -30,18 +31,11 @@ export class Picture {
     while (Math.max(this.sizes.at(-1).width, this.sizes.at(-1).height) > 64) this.sizes.push(halved(this.sizes.at(-1)));
   }
 
-  /** Colours the picture: floor and walls as [r, g, b]. */
+  /** Colours the picture: floor and walls as [r, g, b]. They are pictures of their own, because no map's floor
+   *  shall hide another one's walls. */
   colour(floor, wall) {
-    const packed = [0, pack(floor, 220), pack(wall, 255)];
-    this.levels = this.sizes.map(({ cells, width, height }) => {
-      const canvas = surface(width, height);
-      const context = canvas.getContext('2d');
-      const image = context.createImageData(width, height);
-      const pixels = new Uint32Array(image.data.buffer);
-      for (let i = 0; i < cells.length; i++) pixels[i] = packed[cells[i]];
-      context.putImageData(image, 0, 0);
-      return canvas;
-    });
+    this.floors = this.sizes.map(size => painted(size, [0, pack(floor, 220), 0]));
+    this.walls = this.sizes.map(size => painted(size, [0, 0, pack(wall, 255)]));
   }
 
   /** Whether something is known at a point of the map, map coordinates, or near it. */
@@ -56,6 +50,16 @@ export class Picture {
     }
     return false;
   }
+}
+
+function painted({ cells, width, height }, packed) {
+  const canvas = surface(width, height);
+  const context = canvas.getContext('2d');
+  const image = context.createImageData(width, height);
+  const pixels = new Uint32Array(image.data.buffer);
+  for (let i = 0; i < cells.length; i++) pixels[i] = packed[cells[i]];
+  context.putImageData(image, 0, 0);
+  return canvas;
 }
 
 /** Half as large: a cell is occupied where any of the four is. */

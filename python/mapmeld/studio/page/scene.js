@@ -98,7 +98,7 @@ export class Scene {
     context.imageSmoothingEnabled = k !== 1;
     if (k === 1) context.drawImage(this.layer, Math.round(x), Math.round(y));
     else context.drawImage(this.layer, x, y, w, h);
-    for (const item of this.items) if (this.active.has(item.name)) this.drawItem(context, item, this.camera, 0, 0);
+    this.drawItems(context, item => this.active.has(item.name), 0, 0);
     const top = this.over.getContext('2d');
     top.setTransform(ratio, 0, 0, ratio, 0, 0);
     top.clearRect(0, 0, this.width, this.height);
@@ -122,7 +122,7 @@ export class Scene {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, width, height);
     const dx = (width - this.canvas.width) / 2, dy = (height - this.canvas.height) / 2;
-    for (const item of this.items) if (!this.active.has(item.name)) this.drawItem(context, item, this.camera, dx, dy);
+    this.drawItems(context, item => !this.active.has(item.name), dx, dy);
     for (const mark of this.marks) {
       this.place(context, mark.pose, mark.resolution, mark.height * mark.resolution, this.camera, dx, dy);
       context.globalAlpha = 1;
@@ -131,18 +131,24 @@ export class Scene {
     }
   }
 
-  drawItem(context, item, camera, dx, dy) {
-    const { picture } = item, { info } = picture;
-    if (!picture.levels.length) return;
+  drawItems(context, isWanted, dx, dy) {
+    const items = this.items.filter(isWanted);
+    for (const item of items) this.drawItem(context, item, item.picture.floors, this.camera, dx, dy);
+    for (const item of items) this.drawItem(context, item, item.picture.walls, this.camera, dx, dy);
+  }
+
+  drawItem(context, item, levels, camera, dx, dy) {
+    const { info } = item.picture;
+    if (!levels.length) return;
     const size = info.resolution * camera.scale * this.ratio;
     let level = Math.max(0, Math.floor(Math.log2(1 / size) + 0.5));
-    level = Math.min(level, picture.levels.length - 1);
+    level = Math.min(level, levels.length - 1);
     const pose = compose(item.pose, info.origin);
     this.place(context, pose, info.resolution * 2 ** level, info.height * info.resolution, camera, dx, dy);
     context.globalAlpha = item.opacity;
     context.imageSmoothingEnabled = size * 2 ** level < 1.5;
     context.imageSmoothingQuality = 'low';
-    context.drawImage(picture.levels[level], 0, 0);
+    context.drawImage(levels[level], 0, 0);
     context.globalAlpha = 1;
   }
 

@@ -67,6 +67,7 @@ function verdict(state) {
 }
 
 function showMaps(app) {
+  $('legend').hidden = !app.state.maps.some(m => m.contradicting !== null);
   const rows = app.state.maps.map((m, k) => {
     const pin = m.pin === 'hard' ? '● ' : m.pin === 'soft' ? '○ ' : '';
     const probability = m.status === 'merged' ? ` ${m.probability.toFixed(2)}` : '';

@@ -94,13 +94,12 @@ impl Session {
     /// [`Session::names`].
     pub fn snap(
         &mut self,
-        (base, moved): (&[(usize, Se2)], &[(usize, Se2)]),
-        start: &Se2,
+        question: &Question,
         decoy: f64,
         observer: Observer,
     ) -> Result<Option<Snap>> {
         let grids: Vec<Noted> = self.maps.iter().map(|m| (&m.grid, m.digest)).collect();
-        snap::snap(&mut self.cache, &grids, (base, moved), start, decoy, &self.config, observer)
+        snap::snap(&mut self.cache, &grids, question, decoy, &self.config, observer)
     }
 
     /// One map of some of the maps at poses `T_frame_map`, see [`fuse::fuse`].

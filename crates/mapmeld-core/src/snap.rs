@@ -10,6 +10,7 @@ use crate::perception::{placed, Overlay, WallEvidence};
 use crate::registration::climb;
 use crate::result::{Observer, Stage};
 use crate::se2::Se2;
+use crate::standing::Question;
 use crate::verdict::{self, Background};
 
 /// A place of some maps among others.
@@ -23,14 +24,13 @@ pub struct Snap {
     pub probability: f64,
 }
 
-/// Climbs from where the maps were let go, at each degree of bending, and keeps what stands clearest. `base` are
-/// positions in `grids` with `T_base_map`, `moved` with `T_moved_map`; `decoy` is the best log-likelihood that mirror
-/// images of these maps are known to reach, nats. None where no walls meet.
+/// Climbs from each place where the maps are let go, at each degree of bending, and keeps the most probable. Maps of
+/// the question are positions in `grids`; `decoy` is the best log-likelihood that mirror images of these maps are
+/// known to reach, nats. None where no walls meet.
 pub(crate) fn snap(
     cache: &mut Cache,
     grids: &[Noted],
-    (base, moved): (&[(usize, Se2)], &[(usize, Se2)]),
-    start: &Se2,
+    Question { base, moved, places }: &Question,
     decoy: f64,
     config: &Config,
     observer: Observer,
@@ -45,7 +45,7 @@ pub(crate) fn snap(
             })
         };
         let (below, above) = (overlay(0, base), overlay(base.len(), moved));
-        let found = settle(&lent.maps, &below, &above, start, decoy, config);
+        let found = settle(&lent.maps, &below, &above, places, decoy, config);
         cache.give_back(lent);
         Ok(found)
     })?
@@ -55,14 +55,16 @@ fn settle(
     maps: &[LocalMap],
     below: &Overlay,
     above: &Overlay,
-    start: &Se2,
+    places: &[Se2],
     decoy: f64,
     config: &Config,
 ) -> Option<Snap> {
     let most = config.registration.max_iterations;
     let base = below.placed(maps, &Se2::IDENTITY);
     let own = above.placed(maps, &Se2::IDENTITY);
-    let at = |(rung, p): (usize, &crate::config::PerceptionConfig)| {
+    let rungs = config.perception.rungs();
+    let at = |(rung, start): (usize, &Se2)| {
+        let p = &rungs[rung];
         let t_base_moved = climb::climb_group(&base, &own, start, most, &p.rigid())?;
         let evidence = placed::between(&base, &above.placed(maps, &t_base_moved), p);
         let background = Background::new(maps.iter(), rung, decoy);
@@ -70,8 +72,8 @@ fn settle(
         let probability = verdict.probabilities.first().copied().unwrap_or(0.0);
         Some(Snap { t_base_moved, evidence, probability })
     };
-    let found = config.perception.rungs();
-    let found = found.iter().enumerate().filter_map(at);
+    let all = places.iter().flat_map(|x| (0..rungs.len()).map(move |rung| (rung, x)));
+    let found = all.filter_map(at);
     // The finest of equals.
     found.reduce(|best, next| if next.probability > best.probability { next } else { best })
 }

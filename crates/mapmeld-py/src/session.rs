@@ -143,7 +143,8 @@ impl Session {
                 maps.iter().map(|(n, t)| Ok((s.index(n)?, convert::pose(*t)))).collect()
             };
             let (base, moved) = (placed(&base)?, placed(&moved)?);
-            s.snap((&base, &moved), &convert::pose(start), decoy, &|_, _, _| true)
+            let places = vec![convert::pose(start)];
+            s.snap(&Question { base, moved, places }, decoy, &|_, _, _| true)
         });
         let Some(found) = found.map_err(convert::to_py_err)? else { return Ok(None) };
         let out = evidence(py, &found.evidence)?;

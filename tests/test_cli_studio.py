@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import socket
 import subprocess
 import sys
@@ -81,3 +83,28 @@ def test_ctrl_c_ends_it_soon_even_during_a_solve(tmp_path: Path, shared_data: Pa
         assert news.readline().startswith(b"event: state")
         started = time.monotonic()
     assert time.monotonic() - started < 10
+
+
+def test_the_browser_is_opened_without_telling_the_token_to_others(tmp_path: Path, maps: list[str]) -> None:
+    # A browser of our own, which notes what it was called with and what it was shown.
+    noted, shown = tmp_path / "noted", tmp_path / "shown"
+    program = tmp_path / "browser"
+    program.write_text(f'#!/bin/sh\necho "$1" > {noted}\ncat "${{1#file://}}" > {shown}\n')
+    program.chmod(0o755)
+    command = [sys.executable, "-m", "mapmeld", "studio", *maps, "-o", str(tmp_path / "out")]
+    environment = {**os.environ, "BROWSER": str(program), "DISPLAY": ":7"}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    try:
+        assert process.stdout is not None
+        address = next(line.strip() for line in process.stdout if "http://" in line)
+        end = time.monotonic() + 20
+        while not shown.exists() or address not in shown.read_text():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        assert address not in noted.read_text()
+        folder = Path(noted.read_text().strip().removeprefix("file://")).parent
+        assert folder.stat().st_mode & 0o077 == 0
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+    assert not folder.exists()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -90,14 +92,25 @@ def studio(
         place.close()
         raise
 
-    def ready(address: str) -> None:
-        print(f"The workbench is at\n\n    {address}\n\nCtrl-C ends it.", flush=True)
-        if browser and _has_screen():
-            import webbrowser
+    with contextlib.ExitStack() as stack:
 
-            webbrowser.open(address)
+        def ready(address: str) -> None:
+            print(f"The workbench is at\n\n    {address}\n\nCtrl-C ends it.", flush=True)
+            if browser and _has_screen():
+                _open(stack.enter_context(tempfile.TemporaryDirectory()), address)
 
-    serve(bench, place, ready)
+        serve(bench, place, ready)
+
+
+def _open(folder: str, address: str) -> None:
+    """Opens the browser by way of a file that nobody else can read: other users of the machine see what a
+    program was called with, and the token is part of the address."""
+    import webbrowser
+
+    way = Path(folder) / "studio.html"
+    link = f'<a href="{address}">Mapmeld studio</a>'
+    way.write_text(f'<meta http-equiv="refresh" content="0; url={address}">{link}')
+    webbrowser.open(way.as_uri())
 
 
 def _has_screen() -> bool:

@@ -137,6 +137,10 @@ class Known:
     def __bool__(self) -> bool:
         return bool(self.priors or self.pins or self.same_points or self.forbidden)
 
+    def is_forbidden(self, a: str, b: str) -> bool:
+        """Whether the match of two maps is wrong."""
+        return _pair((a, b)) in self.forbidden
+
     def check_names(self, names: Sequence[str], where: str = "known") -> None:
         """Raises MapmeldError for a name that no map has."""
         told = [("prior", n) for n in self.priors] + [("pin", n) for n in self.pins]

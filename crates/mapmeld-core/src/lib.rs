@@ -32,6 +32,7 @@ pub mod distance;
 pub mod error;
 pub mod evidence;
 pub mod filter;
+mod forbidden;
 pub mod fuse;
 pub mod grid;
 pub mod joining;

@@ -16,7 +16,7 @@ use crate::parallel;
 use crate::perception::noise;
 use crate::prior;
 use crate::registration::Registered;
-use crate::relation::{self, Relation};
+use crate::relation;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::verdict;
@@ -269,31 +269,7 @@ fn check_known(known: &Known, n: usize) -> Result<()> {
     if !known.priors.is_empty() && known.priors.len() != n {
         return fail("priors", format!("{} of them for {n} maps", known.priors.len()));
     }
-    for (key, a, b) in known
-        .relations
-        .iter()
-        .map(|r| ("relations", r.a, r.b))
-        .chain(known.forbidden.iter().map(|(a, b)| ("forbidden", *a, *b)))
-    {
-        if a.max(b) >= n {
-            return fail(key, format!("index {} of {n} maps", a.max(b)));
-        }
-        if a == b {
-            return fail(key, format!("map {a} and itself"));
-        }
-    }
-    if let Some(r) = known.relations.iter().find(|r| known.is_forbidden(r.a, r.b)) {
-        return fail("relations", format!("maps {} and {} are forbidden", r.a, r.b));
-    }
-    let is_deviation = |s: f64| s.is_finite() && s > 0.0;
-    let is_whole = |r: &Relation| {
-        is_deviation(r.sigma)
-            && r.heading.is_none_or(|(theta, s)| theta.is_finite() && is_deviation(s))
-            && [r.in_a, r.in_b].iter().all(|p| p.x.is_finite() && p.y.is_finite())
-    };
-    if !known.relations.iter().all(is_whole) {
-        return fail("relations", "standard deviations must be positive, all else finite".into());
-    }
+    relation::check(known, n)?;
     if let Some(order) = &known.order {
         let mut seen = vec![false; n];
         for m in order {

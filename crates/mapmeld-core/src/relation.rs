@@ -4,6 +4,7 @@
 //! at which two maps can overlap, is Bayes' factor for the verdict on the walls.
 
 use crate::cluster::Cluster;
+use crate::error::{Error, Result};
 use crate::prior::{self, Fit, Prior, CONTRADICTS, WALLS};
 use crate::result::Known;
 use crate::se2::{wrap, Se2, Vec2};
@@ -165,6 +166,37 @@ pub fn tied(clusters: Vec<Cluster>, known: &Known) -> Vec<Cluster> {
         });
     }
     out
+}
+
+/// Whether relations and forbidden pairs are of maps that there are, `n` of them, and do not contradict each other.
+pub fn check(known: &Known, n: usize) -> Result<()> {
+    let fail = |key: &str, problem: String| Err(Error::Config { key: key.into(), problem });
+    for (key, a, b) in known
+        .relations
+        .iter()
+        .map(|r| ("relations", r.a, r.b))
+        .chain(known.forbidden.iter().map(|(a, b)| ("forbidden", *a, *b)))
+    {
+        if a.max(b) >= n {
+            return fail(key, format!("index {} of {n} maps", a.max(b)));
+        }
+        if a == b {
+            return fail(key, format!("map {a} and itself"));
+        }
+    }
+    if let Some(r) = known.relations.iter().find(|r| known.is_forbidden(r.a, r.b)) {
+        return fail("relations", format!("maps {} and {} are forbidden", r.a, r.b));
+    }
+    let is_deviation = |s: f64| s.is_finite() && s > 0.0;
+    let is_whole = |r: &Relation| {
+        is_deviation(r.sigma)
+            && r.heading.is_none_or(|(theta, s)| theta.is_finite() && is_deviation(s))
+            && [r.in_a, r.in_b].iter().all(|p| p.x.is_finite() && p.y.is_finite())
+    };
+    if !known.relations.iter().all(is_whole) {
+        return fail("relations", "standard deviations must be positive, all else finite".into());
+    }
+    Ok(())
 }
 
 #[cfg(test)]

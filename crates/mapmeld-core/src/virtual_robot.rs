@@ -6,11 +6,12 @@
 
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
+use crate::forbidden;
 use crate::local_map::LocalMap;
 use crate::pair_table::PairTable;
 use crate::perception::placed::{self, Placed};
 use crate::perception::psi::Comparison;
-use crate::perception::{gamma, pool, psi, Layer, Overlay, WallEvidence};
+use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
 use crate::prior::{self, Fit, Prior};
 use crate::registration::pair::log_search_volume;
 use crate::registration::{climb, SAME_WORLD};
@@ -73,35 +74,6 @@ pub struct Parts<'a> {
     pub known: &'a Known,
     /// Their registration.
     pub pairs: &'a PairTable,
-}
-
-impl Parts<'_> {
-    /// The local maps of a merged map, whose pose is `x`.
-    fn of(&self, map: usize, x: &Se2) -> Vec<(usize, Placed<'_>)> {
-        let overlay = &self.overlays[map];
-        overlay.layers().map(|l| l.map).zip(overlay.placed(self.maps, x)).collect()
-    }
-
-    /// Those of two groups of local maps whose walls are evidence of how the groups lie to each other: without the
-    /// maps that a forbidden pair has in one of them, in that which loses the smaller share.
-    fn evidence<'p>(
-        &self,
-        a: Vec<(usize, Placed<'p>)>,
-        b: Vec<(usize, Placed<'p>)>,
-    ) -> (Vec<Placed<'p>>, Vec<Placed<'p>>) {
-        let without = |these: &[(usize, Placed<'p>)], those: &[(usize, Placed<'p>)]| {
-            let is_free = |m: usize| !those.iter().any(|(o, _)| self.known.is_forbidden(m, *o));
-            let kept = these.iter().filter(|(m, _)| is_free(*m));
-            kept.map(|(_, p)| *p).collect::<Vec<_>>()
-        };
-        let (few_a, few_b) = (without(&a, &b), without(&b, &a));
-        let all = |these: Vec<(usize, Placed<'p>)>| these.into_iter().map(|(_, p)| p).collect();
-        if few_a.len() * b.len() >= few_b.len() * a.len() {
-            (few_a, all(b))
-        } else {
-            (all(a), few_b)
-        }
-    }
 }
 
 impl VirtualRobot<'_> {
@@ -205,53 +177,38 @@ impl VirtualRobot<'_> {
     fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
         let p = &self.config.perception;
         let Some(parts) = &self.parts else {
-            if self.known.forbidden.is_empty() {
-                return (x, placed::against(self.maps, merged, map, &x, p));
-            }
-            let is_evidence = |l: &&Layer| !self.known.is_forbidden(l.map, map);
-            let others: Vec<_> =
-                merged.layers().filter(is_evidence).map(|l| l.placed(self.maps)).collect();
-            let own = Placed { map: &self.maps[map], t_world_map: x, samples: None };
-            return (x, placed::between(&others, &[own], p));
+            return (x, forbidden::against(self.maps, merged, map, &x, self.known, p));
         };
-        let placed: Vec<(usize, Placed)> =
-            merged.layers().flat_map(|l| parts.of(l.map, &l.t_world_map)).collect();
-        let at = |x: &Se2| parts.of(map, x);
-        let (placed, at_x) = parts.evidence(placed, at(&Se2::IDENTITY));
+        let of = |map: usize, x: &Se2| forbidden::members(&parts.overlays[map], parts.maps, x);
+        let placed = merged.layers().flat_map(|l| of(l.map, &l.t_world_map)).collect();
+        let (placed, own) = forbidden::evidence(placed, of(map, &Se2::IDENTITY), parts.known);
         let most = self.config.registration.max_iterations;
-        let x = climb::climb_group(&placed, &at_x, &x, most, p).unwrap_or(x);
-        let moved: Vec<Placed> = at_x
-            .iter()
-            .map(|own| Placed { t_world_map: x.compose(&own.t_world_map), ..*own })
-            .collect();
+        let x = climb::climb_group(&placed, &own, &x, most, p).unwrap_or(x);
+        let moved = own.iter().map(|m| Placed { t_world_map: x.compose(&m.t_world_map), ..*m });
+        let moved: Vec<Placed> = moved.collect();
         (x, placed::between(&placed, &moved, p))
     }
 
     /// Whether a pose puts two maps where their walls match best although that match is wrong.
     fn is_refused(&self, merged: &Overlay, map: usize, x: &Se2) -> bool {
-        let (known, pairs, maps) = match &self.parts {
-            Some(parts) => (parts.known, parts.pairs, parts.maps),
-            None => (self.known, self.pairs, self.maps),
-        };
-        if known.forbidden.is_empty() {
-            return false;
-        }
-        let members = |map: usize, x: &Se2| -> Vec<(usize, Se2)> {
-            match &self.parts {
-                Some(parts) => {
-                    let layers = parts.overlays[map].layers();
-                    layers.map(|l| (l.map, x.compose(&l.t_world_map))).collect()
-                }
-                None => vec![(map, *x)],
+        let placed = || merged.layers().map(|l| (l.map, l.t_world_map));
+        match &self.parts {
+            None if self.known.forbidden.is_empty() => false,
+            Some(parts) if parts.known.forbidden.is_empty() => false,
+            None => {
+                let below: Vec<_> = placed().collect();
+                forbidden::is_refused(&below, &[(map, *x)], self.pairs, self.maps)
             }
-        };
-        let own = members(map, x);
-        merged.layers().flat_map(|l| members(l.map, &l.t_world_map)).any(|(i, x_i)| {
-            own.iter().any(|(j, x_j)| {
-                let center = maps[*j].center.unwrap_or_default();
-                pairs.is_refused(i, *j, &x_i.between(x_j), center)
-            })
-        })
+            Some(parts) => {
+                let of = |(map, x): (usize, Se2)| {
+                    let layers = parts.overlays[map].layers();
+                    layers.map(move |l| (l.map, x.compose(&l.t_world_map)))
+                };
+                let (below, own): (Vec<_>, Vec<_>) =
+                    (placed().flat_map(of).collect(), of((map, *x)).collect());
+                forbidden::is_refused(&below, &own, parts.pairs, parts.maps)
+            }
+        }
     }
 
     /// Perception model (paper, section 4) of the poses at which a map may lie; none when the evidence does

@@ -8,7 +8,6 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +26,13 @@ from mapmeld.merging import result_of
 from mapmeld.output import OutputFolder, write_merged_maps, write_report, write_result, write_session
 from mapmeld.result import MergeResult
 from mapmeld.session_file import Session
-from mapmeld.studio import layout
+from mapmeld.studio import layout, showing
 from mapmeld.studio.contradictions import contradictions
+from mapmeld.studio.desk import Desk, History, Solving
 from mapmeld.studio.layout import Pose, as_pose
 
 SOFT_SIGMA = (0.3, 0.3, 0.1)
 """Standard deviations of a soft pin: metres, metres, radians."""
-
-_MOST_UNDO = 200
 
 
 class Busy(MapmeldError):
@@ -43,31 +41,6 @@ class Busy(MapmeldError):
 
 class _Cancelled(Exception):
     pass
-
-
-@dataclass(frozen=True)
-class Desk:
-    """The bench at one time. poses: T_bench_map of every map. result: of the last solve, which knew `solved`
-    and has the number `solve`; contradicting: share of each map's cells that contradict others there.
-    did: what led here, for the undo button.
-    """
-
-    poses: Mapping[str, Pose]
-    known: Known = dataclasses.field(default_factory=Known)
-    result: MergeResult | None = None
-    solved: Known | None = None
-    solve: int = 0
-    contradicting: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    did: str = ""
-
-
-@dataclass(frozen=True)
-class Solving:
-    """A solve that runs. stage, done, total: as a merge's progress tells them."""
-
-    stage: str = "prepare"
-    done: int = 0
-    total: int = 0
 
 
 class Workbench:
@@ -97,8 +70,7 @@ class Workbench:
         known.check_names(list(self.grids))
         poses: dict[str, Pose] = layout.unsolved(self.grids, self.boxes)
         poses |= {n: p.T_world_map for n, p in known.priors.items()} | dict(known.pins)
-        self._history = [Desk(poses, known)]
-        self._at = 0
+        self._history = History(Desk(poses, known))
         self._lock = threading.RLock()
         self._solving: Solving | None = None
         self._cancel = threading.Event()
@@ -118,68 +90,21 @@ class Workbench:
     def desk(self) -> Desk:
         """The bench as it is."""
         with self._lock:
-            return self._history[self._at]
+            return self._history.now
 
     def state(self) -> dict[str, Any]:
         """All that the page shows, as plain JSON."""
         with self._lock:
-            desk, solving, problem = self._history[self._at], self._solving, self._problem
-            undo = self._history[self._at].did if self._at > 0 else None
-            redo = self._history[self._at + 1].did if self._at + 1 < len(self._history) else None
+            desk, solving, problem = self._history.now, self._solving, self._problem
+            undo, redo = self._history.undo, self._history.redo
             is_saved = desk.result is not None and self._saved is desk.result
-        placed = {} if desk.result is None else {m.name: m for m in desk.result.maps}
-        return {
-            "maps": [
-                {
-                    "name": n,
-                    "pose": list(desk.poses[n]),
-                    "component": placed[n].component if n in placed else None,
-                    "status": placed[n].status if n in placed else None,
-                    "probability": placed[n].probability if n in placed else None,
-                    "reason": placed[n].reason if n in placed else None,
-                    "contradicting": desk.contradicting.get(n),
-                    "pin": "hard" if n in desk.known.pins else "soft" if n in desk.known.priors else None,
-                }
-                for n in self.grids
-            ],
-            "parts": [] if desk.result is None else _parts(desk, desk.result),
-            "solve": desk.solve,
-            "hypotheses": [] if desk.result is None else [h.probability for h in desk.result.hypotheses],
-            "probability": None if desk.result is None else desk.result.probability,
-            "points": [
-                {"a": s.a, "b": s.b, "points": [[list(p), list(q)] for p, q in s.points]}
-                for s in desk.known.same_points
-            ],
-            "forbidden": [list(pair) for pair in desk.known.forbidden],
-            "solving": None if solving is None else dataclasses.asdict(solving),
-            "problem": problem,
-            "is_solved": desk.result is not None,
-            "is_current": desk.result is not None and desk.solved == desk.known,
-            "is_saved": is_saved,
-            "undo": undo,
-            "redo": redo,
-            "output": str(self.output),
-        }
+        return showing.state(list(self.grids), desk, solving, problem, is_saved, (undo, redo), self.output)
 
     def pairs(self, name: str) -> list[dict[str, Any]]:
         """What the map and each other one say of each other alone, the most probable first."""
         self._check(name)
         desk = self.desk
-        told = () if desk.result is None else desk.result.pairs
-        known = {frozenset((p.a, p.b)): p for p in told}
-        out: list[dict[str, Any]] = []
-        for other in self.grids:
-            if other == name:
-                continue
-            pair = known.get(frozenset((name, other)))
-            status = None if pair is None else pair.status
-            if _is_forbidden(desk.known, name, other):
-                status = "forbidden"
-            elif status == "forbidden":
-                status = None
-            probability = None if pair is None or status in (None, "forbidden") else pair.probability
-            out.append({"a": name, "b": other, "status": status, "probability": probability})
-        return sorted(out, key=lambda p: -1.0 if p["probability"] is None else -p["probability"] - 1.0)
+        return showing.pairs(name, list(self.grids), desk)
 
     def conflicts(self, component: int) -> NDArray[np.bool_]:
         """Where maps of a component contradict each other, on the grid of its merged map."""
@@ -211,7 +136,7 @@ class Workbench:
         near = layout.box_of(moved, self.grids, self.boxes) if moved else None
         base: dict[str, Pose] = {}
         for n, T in desk.poses.items():
-            if n in moved or near is None or any(_is_forbidden(desk.known, n, m) for m in moved):
+            if n in moved or near is None or any(desk.known.is_forbidden(n, m) for m in moved):
                 continue
             if _touch(near, layout.box_of({n: T}, self.grids, self.boxes)):
                 base[n] = T
@@ -329,11 +254,11 @@ class Workbench:
 
     def undo(self) -> None:
         """One step back, a solve included."""
-        self._step(-1, "nothing to undo")
+        self._step(-1)
 
     def redo(self) -> None:
         """One step forward again."""
-        self._step(1, "nothing to redo")
+        self._step(1)
 
     # What takes longer.
 
@@ -345,7 +270,7 @@ class Workbench:
                 raise Busy("a solve is running; wait for it or cancel it")
             self._solving, self._problem = Solving(), None
             self._cancel.clear()
-            known = self._history[self._at].known
+            known = self._history.now.known
         self.changed()
         try:
             result = self._merge(known)
@@ -373,7 +298,7 @@ class Workbench:
         the folder cannot be written to.
         """
         with self._lock:
-            desk = self._history[self._at]
+            desk = self._history.now
             if self._solving is not None:
                 raise Busy("a solve is running; wait for it or cancel it, then save")
             if desk.result is None or desk.solved != desk.known:
@@ -415,7 +340,7 @@ class Workbench:
         with self._lock:
             self._solving, self._problem = None, problem
             if desk is not None:
-                self._push(desk)
+                self._history.push(desk)
         self.changed()
 
     def _know(self, did: str, **changes: Any) -> None:
@@ -426,20 +351,14 @@ class Workbench:
             if self._solving is not None:
                 raise Busy("a solve is running; wait for it or cancel it")
             self._problem = None
-            self._push(dataclasses.replace(change(self._history[self._at]), did=did))
+            self._history.push(dataclasses.replace(change(self._history.now), did=did))
         self.changed()
 
-    def _push(self, desk: Desk) -> None:
-        self._history = [*self._history[: self._at + 1], desk][-_MOST_UNDO:]
-        self._at = len(self._history) - 1
-
-    def _step(self, by: int, problem: str) -> None:
+    def _step(self, by: int) -> None:
         with self._lock:
             if self._solving is not None:
                 raise Busy("a solve is running; wait for it or cancel it")
-            if not 0 <= self._at + by < len(self._history):
-                raise MapmeldError(problem)
-            self._at += by
+            self._history.step(by)
             self._problem = None
         self.changed()
 
@@ -465,40 +384,6 @@ class Workbench:
         result = self.desk.result
         order = [] if result is None else [c.reference for c in result.components]
         return next(n for n in [*order, *self.grids] if n != name)
-
-
-def _parts(desk: Desk, result: MergeResult) -> list[dict[str, Any]]:
-    """Components as the page shows them; `pose` is T_bench_component, None once its maps have been moved."""
-    maps = {m.name: m for m in result.maps}
-    parts = []
-    for k, c in enumerate(result.components):
-        placed = {n: maps[n].T_component_map for n in c.order}
-        first = placed[c.reference]
-        pose = None
-        if first is not None:
-            T = se2.compose(desk.poses[c.reference], se2.inverse(first))
-            is_still = all(
-                own is not None and np.allclose(se2.compose(T, own), desk.poses[n], atol=1e-6)
-                for n, own in placed.items()
-            )
-            pose = list(as_pose(T)) if is_still else None
-        grid = c.merged
-        parts.append(
-            {
-                "index": k,
-                "maps": list(c.order),
-                "shared_cells": c.shared_cells,
-                "conflict_cells": c.conflict_cells,
-                "pose": pose,
-                "origin": None if grid is None else list(grid.origin),
-                "resolution": None if grid is None else grid.resolution,
-            }
-        )
-    return parts
-
-
-def _is_forbidden(known: Known, a: str, b: str) -> bool:
-    return any(set(pair) == {a, b} for pair in known.forbidden)
 
 
 def _touch(a: layout.Box, b: layout.Box) -> bool:

@@ -17,13 +17,14 @@ export function listenToKeys(app) {
       return;
     }
     if (e.altKey) return;
-    const onCanvas = document.activeElement === app.scene.canvas || document.activeElement === document.body;
-    if (e.key in ARROWS && onCanvas) {
+    // A slider has arrows of its own, a button its Enter.
+    const focused = document.activeElement.tagName;
+    if (e.key in ARROWS && focused !== 'INPUT') {
       e.preventDefault();
       arrow(app, ARROWS[e.key], e.shiftKey);
       return;
     }
-    if (e.key === 'Enter' && onCanvas && app.corners) {
+    if (e.key === 'Enter' && app.corners && focused !== 'BUTTON') {
       const { corners } = app;
       if (corners.cross) app.clickCorner(corners.cross);
       else if (corners.pairs.length && corners.open === null) app.sendCorners();

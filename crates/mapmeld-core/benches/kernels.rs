@@ -150,9 +150,6 @@ fn register(c: &mut Criterion) {
     });
     let t_a_b = frame(0).between(&frame(1));
     let p = &config.perception;
-    c.bench_function("glance at a pose, every 8th sample", |t| {
-        t.iter(|| likelihood::glance(a, b, black_box(&t_a_b), 8))
-    });
     c.bench_function("wall evidence of a rigid pair at a pose", |t| {
         t.iter(|| likelihood::pair(a, b, black_box(&t_a_b), 1, p))
     });

@@ -1,7 +1,8 @@
-//! Exact distance transforms in linear time, truncated to a byte.
+//! Exact distance transforms, truncated to a byte.
 //!
-//! Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions" (2012), on integers:
-//! rows give the distance along the row, columns take the lower envelope of parabolas.
+//! Separable (Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions", 2012): rows give the
+//! distance along the row, columns take the lower envelope of parabolas. Since a byte ends within 16 cells, few
+//! parabolas reach a cell: all of them are asked, a whole row of bytes at once.
 
 use crate::grid::{class_of, Class, OccupancyGrid};
 
@@ -9,6 +10,14 @@ use crate::grid::{class_of, Class, OccupancyGrid};
 pub const MAX_SQUARED: u32 = 254;
 /// Table value of cells at a squared distance above [`MAX_SQUARED`] (about 16 cells).
 pub const FAR: u8 = 255;
+
+/// Distance in cells that no byte holds.
+const REACH: u8 = 16;
+
+/// Of a distance in cells, [`FAR`] where it does not fit.
+fn square(d: u8) -> u8 {
+    d.saturating_mul(d)
+}
 
 /// Squared distance in cells from every cell to the nearest cell of a set, exact up to
 /// [`MAX_SQUARED`], one byte a cell.
@@ -33,61 +42,32 @@ impl DistanceTable {
 
     /// Distances to the cells where `set` is true; `set.len() == width * height`.
     pub fn to_set(set: &[bool], width: usize, height: usize) -> Self {
-        const NONE: i64 = i64::MAX;
-        let cap = 16i32;
-        // Distance along the row, truncated at `cap` (16^2 > MAX_SQUARED).
-        let mut along = vec![cap; width * height];
-        for (row, line) in along.chunks_exact_mut(width).enumerate() {
-            let hits = &set[row * width..(row + 1) * width];
-            let mut d = cap;
-            for col in 0..width {
-                d = if hits[col] { 0 } else { (d + 1).min(cap) };
-                line[col] = d;
+        // Squared distance along the row, which ends where the byte does.
+        let mut along = vec![FAR; width * height];
+        for (line, hits) in along.chunks_exact_mut(width).zip(set.chunks_exact(width)) {
+            let mut d = REACH;
+            for (value, hit) in line.iter_mut().zip(hits) {
+                d = if *hit { 0 } else { (d + 1).min(REACH) };
+                *value = square(d);
             }
-            d = cap;
-            for col in (0..width).rev() {
-                d = if hits[col] { 0 } else { (d + 1).min(cap) };
-                line[col] = line[col].min(d);
+            d = REACH;
+            for (value, hit) in line.iter_mut().zip(hits).rev() {
+                d = if *hit { 0 } else { (d + 1).min(REACH) };
+                *value = square(d).min(*value);
             }
         }
-        // Columns: the lower envelope of the parabolas (y - y0)^2 + along^2.
+        // The best of the rows within reach, each with its own distance: bytes that saturate, sixteen at a time.
         let mut squared = vec![FAR; width * height];
-        let mut sites: Vec<(i64, i64)> = Vec::with_capacity(height);
-        let mut starts: Vec<i64> = Vec::with_capacity(height);
-        for col in 0..width {
-            sites.clear();
-            starts.clear();
-            for y in 0..height as i64 {
-                let d = along[y as usize * width + col];
-                if d >= cap {
-                    continue;
-                }
-                let f = i64::from(d * d);
-                let mut from = i64::MIN;
-                while let Some(&(y0, f0)) = sites.last() {
-                    // The first integer row at which the new parabola is lower than the last.
-                    let num = (f + y * y) - (f0 + y0 * y0);
-                    let cross = num.div_euclid(2 * (y - y0)) + 1;
-                    if cross > *starts.last().unwrap_or(&NONE) {
-                        from = cross;
-                        break;
-                    }
-                    sites.pop();
-                    starts.pop();
-                }
-                sites.push((y, f));
-                starts.push(from);
+        for (row, line) in along.chunks_exact(width).enumerate() {
+            if line.iter().all(|v| *v == FAR) {
+                continue;
             }
-            let mut k = 0;
-            for y in 0..height as i64 {
-                while k + 1 < sites.len() && starts[k + 1] <= y {
-                    k += 1;
-                }
-                if let Some(&(y0, f0)) = sites.get(k) {
-                    let d = (y - y0) * (y - y0) + f0;
-                    if d <= i64::from(MAX_SQUARED) {
-                        squared[y as usize * width + col] = d as u8;
-                    }
+            let reach = usize::from(REACH) - 1;
+            for to in row.saturating_sub(reach)..(row + reach + 1).min(height) {
+                let across = square(row.abs_diff(to) as u8);
+                let nearest = &mut squared[to * width..(to + 1) * width];
+                for (best, v) in nearest.iter_mut().zip(line) {
+                    *best = v.saturating_add(across).min(*best);
                 }
             }
         }

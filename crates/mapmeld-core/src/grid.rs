@@ -157,12 +157,16 @@ impl OccupancyGrid {
     /// Mean of the centres of the known cells in map coordinates; none for a blank map.
     pub fn known_center(&self) -> Option<Vec2> {
         let (mut n, mut sr, mut sc) = (0usize, 0usize, 0usize);
-        for (i, v) in self.cells.iter().enumerate() {
-            if class_of(*v) != Class::Unknown {
-                n += 1;
-                sr += i / self.width;
-                sc += i % self.width;
+        for (row, line) in self.cells.chunks_exact(self.width).enumerate() {
+            let (mut in_row, mut of_row) = (0, 0);
+            for (col, v) in line.iter().enumerate() {
+                let known = usize::from(class_of(*v) != Class::Unknown);
+                in_row += known;
+                of_row += known * col;
             }
+            n += in_row;
+            sr += in_row * row;
+            sc += of_row;
         }
         (n > 0).then(|| self.grid_to_map(sc as f64 / n as f64 + 0.5, sr as f64 / n as f64 + 0.5))
     }

@@ -43,6 +43,7 @@ pub mod pair_table;
 pub mod parallel;
 pub mod perception;
 pub mod prior;
+pub mod probe;
 pub mod refine;
 pub mod registration;
 pub mod relation;

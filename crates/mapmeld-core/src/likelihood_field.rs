@@ -6,6 +6,7 @@
 
 use crate::boundary::BoundaryPoint;
 use crate::grid::{Locator, OccupancyGrid};
+use crate::probe::{Axes, Probe};
 use crate::se2::{Se2, Vec2};
 use std::f64::consts::TAU;
 
@@ -16,10 +17,24 @@ pub const DIRECTIONS: usize = 8;
 const AGREE: f64 = 0.92;
 const NONE: u16 = u16::MAX;
 
+/// A wall point in the axes of its grid, metres: what registration asks for, in one piece of memory.
+#[derive(Debug, Clone, Copy)]
+pub struct Wall {
+    /// Distance from the corner of cell (0, 0).
+    pub x: f32,
+    /// The same.
+    pub y: f32,
+    /// Unit normal into free space.
+    pub nx: f32,
+    /// The same.
+    pub ny: f32,
+}
+
 /// See the module's text. Holds indices into the boundary it was made from.
 #[derive(Debug, Clone)]
 pub struct LikelihoodField {
-    nearest: Vec<u16>,
+    nearest: Vec<[u16; DIRECTIONS]>,
+    walls: Vec<Wall>,
 }
 
 /// Which of the eight directions a vector points to.
@@ -55,47 +70,62 @@ impl LikelihoodField {
     pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
         assert!(boundary.len() < NONE as usize, "boundary must be thinned first");
         let (w, h) = (grid.width(), grid.height());
-        let mut nearest = vec![NONE; w * h * DIRECTIONS];
-        let mut squared = vec![u8::MAX; w * h * DIRECTIONS];
+        let mut nearest = vec![[NONE; DIRECTIONS]; w * h];
+        let mut squared = vec![[u8::MAX; DIRECTIONS]; w * h];
         let r = reach as isize;
-        // The disc, nearest first, so that dense walls overwrite little.
-        let disc: Vec<(isize, isize, u8)> = (-r..=r)
-            .flat_map(|dr| (-r..=r).map(move |dc| (dr, dc)))
-            .filter(|(dr, dc)| dr * dr + dc * dc <= r * r)
-            .map(|(dr, dc)| (dr, dc, (dr * dr + dc * dc).min(254) as u8))
-            .collect();
         let to_grid = grid.locator();
         for (k, p) in boundary.iter().enumerate() {
             let n = to_grid.rotate(p.normal);
             let angle = n.y.atan2(n.x);
-            let bins: Vec<usize> = (0..DIRECTIONS)
-                .filter(|b| {
-                    crate::se2::wrap(angle - TAU * *b as f64 / DIRECTIONS as f64).abs() <= AGREE
-                })
-                .collect();
+            // A direction that does not agree is farther than any byte.
+            let far: [u8; DIRECTIONS] = std::array::from_fn(|b| {
+                let off = crate::se2::wrap(angle - TAU * b as f64 / DIRECTIONS as f64).abs();
+                if off <= AGREE {
+                    0
+                } else {
+                    u8::MAX
+                }
+            });
             let (row, col) = ((p.cell as usize / w) as isize, (p.cell as usize % w) as isize);
-            for &(dr, dc, d2) in &disc {
-                let (rr, cc) = (row + dr, col + dc);
-                if rr < 0 || cc < 0 || rr >= h as isize || cc >= w as isize {
+            for dr in -r..=r {
+                if !(0..h as isize).contains(&(row + dr)) {
                     continue;
                 }
-                let at = (rr as usize * w + cc as usize) * DIRECTIONS;
-                for b in &bins {
-                    if d2 < squared[at + b] {
-                        squared[at + b] = d2;
-                        nearest[at + b] = k as u16;
+                let half = ((r * r - dr * dr) as f64).sqrt() as isize;
+                let line = (row + dr) as usize * w;
+                for cc in (col - half).max(0)..=(col + half).min(w as isize - 1) {
+                    let (dc, at) = (cc - col, line + cc as usize);
+                    let d2 = (dr * dr + dc * dc).min(254) as u8;
+                    let (squared, nearest) = (&mut squared[at], &mut nearest[at]);
+                    for b in 0..DIRECTIONS {
+                        let d = d2 | far[b];
+                        let is_nearer = d < squared[b];
+                        squared[b] = if is_nearer { d } else { squared[b] };
+                        nearest[b] = if is_nearer { k as u16 } else { nearest[b] };
                     }
                 }
             }
         }
-        Self { nearest }
+        let to_axes = grid.origin().inverse().to_rigid();
+        let wall = |b: &BoundaryPoint| {
+            let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));
+            Wall { x: p.x as f32, y: p.y as f32, nx: n.x as f32, ny: n.y as f32 }
+        };
+        Self { nearest, walls: boundary.iter().map(wall).collect() }
+    }
+
+    /// The nearest wall point of an octant at a cell; none within reach.
+    #[inline(always)]
+    pub fn wall(&self, cell: usize, octant: usize) -> Option<&Wall> {
+        // NONE lies beyond the last wall.
+        self.walls.get(usize::from(self.nearest[cell][octant]))
     }
 
     /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
     /// a cell; none within reach.
     #[inline(always)]
     pub fn nearest(&self, cell: usize, direction: usize) -> Option<usize> {
-        let k = self.nearest[cell * DIRECTIONS + direction];
+        let k = self.nearest[cell][direction];
         (k != NONE).then_some(k as usize)
     }
 }
@@ -123,6 +153,64 @@ impl<'a> FieldView<'a> {
     #[inline(always)]
     pub fn nearest(&self, cell: usize, normal: Vec2) -> Option<usize> {
         self.field.nearest(cell, direction(self.locator.rotate(normal)))
+    }
+}
+
+/// Looks another map's probes up in a field.
+#[derive(Clone, Copy)]
+pub struct ProbeView<'a> {
+    field: &'a LikelihoodField,
+    axes: Axes,
+    per_metre: f32,
+    width: f32,
+    height: f32,
+    columns: usize,
+}
+
+/// Where a probe came to lie.
+#[derive(Clone, Copy)]
+pub struct Seen {
+    /// In the grid's axes, metres.
+    pub x: f32,
+    /// The same.
+    pub y: f32,
+    /// Index of the cell.
+    pub cell: usize,
+    /// Direction of its normal.
+    pub octant: usize,
+}
+
+impl<'a> ProbeView<'a> {
+    /// A view of the field of a grid from the axes of another one.
+    pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, t_axes_axes: &Se2) -> Self {
+        Self {
+            field,
+            axes: Axes::new(t_axes_axes),
+            per_metre: (1.0 / grid.resolution()) as f32,
+            width: grid.width() as f32,
+            height: grid.height() as f32,
+            columns: grid.width(),
+        }
+    }
+
+    /// Where a probe lies; none outside the grid.
+    #[inline(always)]
+    pub fn see(&self, p: &Probe) -> Option<Seen> {
+        let (x, y) = self.axes.apply(p.x, p.y);
+        let (u, v) = (x * self.per_metre, y * self.per_metre);
+        let is_inside = u >= 0.0 && v >= 0.0 && u < self.width && v < self.height;
+        is_inside.then(|| Seen {
+            x,
+            y,
+            cell: v as usize * self.columns + u as usize,
+            octant: self.axes.octant(p.direction),
+        })
+    }
+
+    /// The nearest wall that is oriented like what lies there, or, turned by half a turn, against it.
+    #[inline(always)]
+    pub fn wall(&self, seen: &Seen, half_turns: usize) -> Option<&'a Wall> {
+        self.field.wall(seen.cell, (seen.octant + half_turns * DIRECTIONS / 2) % DIRECTIONS)
     }
 }
 

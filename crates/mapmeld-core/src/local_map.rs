@@ -4,11 +4,14 @@ use crate::boundary::{self, BoundaryPoint};
 use crate::config::Config;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
-use crate::likelihood_field::{FieldView, LikelihoodField};
-use crate::registration::correlation::CoarseTable;
+use crate::likelihood_field::{FieldView, LikelihoodField, ProbeView};
+use crate::probe::{self, Probe};
+use crate::registration::coarse_table::CoarseTable;
+use crate::registration::correlation;
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
 /// A wall point that stands for a stretch of wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +49,15 @@ pub struct ClassCells {
     pub scale: f64,
 }
 
+/// What Psi and D know of one class of a map's cells.
+#[derive(Debug, Clone)]
+pub struct ClassTable {
+    /// Thinned cells that are summed over.
+    pub cells: ClassCells,
+    /// Squared distance to the nearest cell of the class.
+    pub distance: DistanceTable,
+}
+
 /// A local map with its tables (boundary, lines, corners, distances).
 #[derive(Debug, Clone)]
 pub struct LocalMap {
@@ -59,6 +71,10 @@ pub struct LocalMap {
     pub corners: Vec<Corner>,
     /// Wall points at a regular spacing, with the evidence each carries.
     pub samples: Vec<WallSample>,
+    /// The same as registration asks them.
+    pub probes: Vec<Probe>,
+    /// Weight of the walls by direction in the grid's axes, see [`correlation::turns`].
+    pub turns: Box<[f32; correlation::BINS]>,
     /// The wall samples in patches of a few metres.
     pub patches: Vec<Patch>,
     /// Length of all walls, every side counted, metres.
@@ -69,16 +85,8 @@ pub struct LocalMap {
     pub spacing: f64,
     /// Mean of the known cells' centres; none for a blank map.
     pub center: Option<Vec2>,
-    /// Squared distance to the nearest occupied cell.
-    pub to_occupied: DistanceTable,
-    /// Squared distance to the nearest free cell.
-    pub to_free: DistanceTable,
     /// Squared distance out of free space: how deep a cell lies in it.
     pub depth: DistanceTable,
-    /// Thinned cells that Psi and D are summed over.
-    pub occupied: ClassCells,
-    /// The same, of the free cells.
-    pub free: ClassCells,
     /// Open floor: thinned cells that lie clear of every wall and of the unknown.
     pub floor: ClassCells,
     /// How much of a full conflict a wall is, by the squared depth in free space at which it lies.
@@ -87,6 +95,9 @@ pub struct LocalMap {
     pub coarse: CoarseTable,
     field: LikelihoodField,
     reach_cells: usize,
+    max_cells: usize,
+    occupied: OnceLock<ClassTable>,
+    free: OnceLock<ClassTable>,
 }
 
 /// Length from which a wall counts as a long straight one, metres.
@@ -120,6 +131,7 @@ impl LocalMap {
         let mut corners = corners::find(&grid, &lines, &config.structure);
         corners.truncate(config.registration.max_corners);
         let samples = sample_walls(&grid, &boundary, &lines, config);
+        let probes = probe::probes(&grid, &samples);
         let wall_length = boundary.len() as f64 * grid.resolution();
         let long = lines.iter().map(Line::length).filter(|l| *l >= STRAIGHT).sum::<f64>();
         // Lines and samples know every point; the field of a very large map looks up fewer.
@@ -135,29 +147,41 @@ impl LocalMap {
             ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, 15);
         let field = LikelihoodField::new(&grid, &boundary, reach_cells);
         let depth = DistanceTable::to_other_than(&grid, Class::Free);
-        let max_cells = config.perception.max_cells;
         Self {
             wall_length,
             straight_share: (long / wall_length.max(1e-9)).min(1.0),
             spacing: config.perception.sample_spacing.max(grid.resolution()),
             center: grid.known_center(),
-            to_occupied: DistanceTable::to_class(&grid, Class::Occupied),
-            to_free: DistanceTable::to_class(&grid, Class::Free),
             coarse: CoarseTable::new(&grid, &boundary, &field, &depth),
             floor: open_floor(&grid, &depth),
             depth,
-            occupied: class_cells(&grid, Class::Occupied, max_cells),
-            free: class_cells(&grid, Class::Free, max_cells),
             conflict_shares: Box::new(conflict_shares(grid.resolution(), config)),
             boundary,
             lines,
             corners,
             patches: patches(&samples),
+            turns: Box::new(correlation::turns(&probes)),
+            probes,
             samples,
             field,
             reach_cells,
+            max_cells: config.perception.max_cells,
+            occupied: OnceLock::new(),
+            free: OnceLock::new(),
             grid,
         }
+    }
+
+    /// Occupied or free cells as Psi and D see them, worked out when they are first asked for.
+    pub fn class_table(&self, is_occupied: bool) -> &ClassTable {
+        let (table, class) = match is_occupied {
+            true => (&self.occupied, Class::Occupied),
+            false => (&self.free, Class::Free),
+        };
+        table.get_or_init(|| ClassTable {
+            cells: class_cells(&self.grid, class, self.max_cells),
+            distance: DistanceTable::to_class(&self.grid, class),
+        })
     }
 
     /// The mirror image of a map: like it in every statistic, and like no place it was made in.
@@ -173,6 +197,16 @@ impl LocalMap {
     /// The likelihood field as seen from another frame.
     pub fn field_view(&self, t_map_frame: &Se2) -> FieldView<'_> {
         FieldView::new(&self.grid, &self.field, t_map_frame)
+    }
+
+    /// The likelihood field as seen from another grid's axes.
+    pub fn probe_view(&self, t_axes_axes: &Se2) -> ProbeView<'_> {
+        ProbeView::new(&self.grid, &self.field, t_axes_axes)
+    }
+
+    /// Every so manieth sample makes about so many of them.
+    pub fn stride(&self, samples: usize) -> usize {
+        (self.samples.len() / samples.max(1)).max(1)
     }
 
     /// How far the likelihood field reaches, metres.

@@ -52,7 +52,7 @@ fn a_straight_map_stays_as_it_is() {
     let map = LocalMap::new(office_off_by(0.0), &config);
     let others = [Placed { map: &map, t_world_map: Se2::IDENTITY, samples: None }];
     for p in &rungs {
-        let samples = |k: usize| map.patches[k].samples.iter().map(|s| &map.samples[*s as usize]);
+        let samples = |k: usize| map.patches[k].samples.iter().copied();
         let found = unbend(&map, &Se2::IDENTITY, &others, (samples, 1), p);
         assert_eq!(found.poses.len(), map.patches.len());
         for (pose, patch) in found.poses.iter().zip(&map.patches) {

@@ -201,10 +201,10 @@ fn thinned_sums_are_unbiased() {
         let scenes = [&thin, &full]
             .map(|config| Scene::new(&mut common::rng(100 + seed), 2, (70, 50), config));
         // There is something to thin: the smallest class has twice the cells that are kept.
-        if scenes[0].maps.iter().any(|m| m.occupied.scale < 1.2) {
+        if scenes[0].maps.iter().any(|m| m.class_table(true).cells.scale < 1.2) {
             continue;
         }
-        assert!(scenes[0].maps.iter().all(|m| m.occupied.centers.len() <= 300));
+        assert!(scenes[0].maps.iter().all(|m| m.class_table(true).cells.centers.len() <= 300));
         let [thin, full] = scenes.map(|s| {
             let c = s.comparison(1.5);
             [psi::psi(&c, PsiClasses::Occupied), psi::psi(&c, PsiClasses::All), gamma::gamma(&c)]

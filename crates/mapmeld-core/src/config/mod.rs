@@ -51,7 +51,7 @@ stage! {
         /// The same, of the mirror image that shows what chance reaches.
         decoy_shortlist: usize = 16,
         /// Modes kept for a pair.
-        max_modes: usize = 12,
+        max_modes: usize = 6,
         /// Two modes closer than this are one, metres; none: two cells.
         duplicate_distance: Option<f64> = None,
         /// Two modes closer than this are one, radians.

@@ -7,15 +7,17 @@
 //! chance moves neighbouring patches different ways.
 
 use crate::config::PerceptionConfig;
-use crate::local_map::{LocalMap, WallSample};
+use crate::local_map::{LocalMap, Patch};
 use crate::perception::likelihood::{self, WallEvidence};
 use crate::perception::placed::Placed;
-use crate::registration::climb::robust_weight;
-use crate::se2::{Se2, Vec2};
+use crate::probe::Probe;
+use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
-/// Rounds in which every patch is moved once.
+/// Most rounds in which every patch is moved once.
 const ROUNDS: usize = 10;
+/// Steps shorter than this, in cells, move nothing any more.
+const STILL: f64 = 0.02;
 /// How much the kernel narrows from round to round.
 const NARROWING: f64 = 0.75;
 /// Standard deviation of a patch's motion against the rigid pose, metres: holds loose patches.
@@ -28,18 +30,87 @@ struct Motion {
     center: Vec2,
     shift: Vec2,
     turn: f64,
+    /// Sine and cosine of the turn: asked of more often than it changes.
+    sin_cos: (f64, f64),
 }
 
 impl Motion {
+    fn none(center: Vec2) -> Self {
+        Self { center, shift: Vec2::zeros(), turn: 0.0, sin_cos: (0.0, 1.0) }
+    }
+
+    /// Goes on by a step.
+    fn step(&mut self, step: &Vector3<f64>) {
+        self.shift += step.xy();
+        self.turn += step.z;
+        self.sin_cos = self.turn.sin_cos();
+    }
+
     /// Where the motion takes a point of the world.
     fn apply(&self, p: Vec2) -> Vec2 {
-        self.center + self.shift + Se2::new(0.0, 0.0, self.turn).rotate(p - self.center)
+        let (r, (s, c)) = (p - self.center, self.sin_cos);
+        self.center + self.shift + Vec2::new(c * r.x - s * r.y, s * r.x + c * r.y)
     }
 
     /// The patch's own pose.
     fn pose(&self, rigid: &Se2) -> Se2 {
         let moved = self.apply(rigid.translation());
         Se2::from_parts(moved, rigid.theta + self.turn)
+    }
+}
+
+/// A map that patches are pulled by, at its place.
+struct Puller<'a> {
+    map: &'a LocalMap,
+    t_world_axes: Se2,
+    to_axes: Rigid,
+    /// Turns (x, y, theta) from the grid's axes to the world's.
+    turn: Matrix3<f64>,
+}
+
+impl<'a> Puller<'a> {
+    fn new(placed: &Placed<'a>) -> Self {
+        let t_world_axes = placed.t_world_map.compose(&placed.map.grid.origin());
+        let (s, c) = t_world_axes.theta.sin_cos();
+        let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
+        Self { map: placed.map, t_world_axes, to_axes: t_world_axes.inverse().to_rigid(), turn }
+    }
+
+    /// What the walls pull the probes of a patch towards, whose map's axes lie at `t_world_from`: information and
+    /// gradient of (x, y, theta), turning about `at`, a point of the world.
+    fn pull(
+        &self,
+        probes: impl Iterator<Item = Probe>,
+        t_world_from: &Se2,
+        at: Vec2,
+        scale: f64,
+    ) -> (Matrix3<f64>, Vector3<f64>) {
+        let view = self.map.probe_view(&self.t_world_axes.between(t_world_from));
+        let at = self.to_axes.apply(at);
+        let at = (at.x as f32, at.y as f32);
+        let scale = (scale * scale) as f32;
+        let (mut h, mut g) = ([0.0f32; 6], [0.0f32; 3]);
+        for p in probes {
+            let Some(s) = view.see(&p) else { continue };
+            let Some(wall) = view.wall(&s, 0) else { continue };
+            let residual = (s.x - wall.x) * wall.nx + (s.y - wall.y) * wall.ny;
+            let turn = wall.ny * (s.x - at.0) - wall.nx * (s.y - at.1);
+            let w = scale / (scale + residual * residual);
+            let w = w * w;
+            let (wx, wy, wt) = (w * wall.nx, w * wall.ny, w * turn);
+            h[0] += wx * wall.nx;
+            h[1] += wx * wall.ny;
+            h[2] += wx * turn;
+            h[3] += wy * wall.ny;
+            h[4] += wy * turn;
+            h[5] += wt * turn;
+            g[0] += wx * residual;
+            g[1] += wy * residual;
+            g[2] += wt * residual;
+        }
+        let [xx, xy, xt, yy, yt, tt] = h.map(f64::from);
+        let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
+        (self.turn * h * self.turn.transpose(), self.turn * Vector3::from(g.map(f64::from)))
     }
 }
 
@@ -51,9 +122,9 @@ pub struct Unbent {
     pub cost: f64,
 }
 
-/// Moves the patches of a placed map to where they fit the others; `samples` tells the samples of a patch that
-/// are asked, each of which stands for `step`.
-pub fn unbend<'s, I: Iterator<Item = &'s WallSample>>(
+/// Moves the patches of a placed map to where they fit the others; `samples` tells the indices of the samples of a
+/// patch that are asked, each of which stands for `step`.
+pub fn unbend<I: Iterator<Item = u32>>(
     from: &LocalMap,
     rigid: &Se2,
     others: &[Placed],
@@ -66,35 +137,23 @@ pub fn unbend<'s, I: Iterator<Item = &'s WallSample>>(
     let finest = config.wall_sigma.max(resolution);
     // Neighbouring samples are correlated.
     let discount = step as f64 * from.spacing / config.correlation_length / (finest * finest);
-    let to_world: Vec<_> = others.iter().map(|o| o.t_world_map.to_rigid()).collect();
-    let motion = |c: Vec2| Motion { center: rigid.apply(c), shift: Vec2::zeros(), turn: 0.0 };
-    let mut motions: Vec<Motion> = from.patches.iter().map(|p| motion(p.center)).collect();
+    let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
+    let motion = |p: &Patch| Motion::none(rigid.apply(p.center));
+    let mut motions: Vec<Motion> = from.patches.iter().map(motion).collect();
     let mut scale = 0.5 * reach;
     for _ in 0..ROUNDS {
+        let mut moved = 0.0f64;
         for (k, patch) in from.patches.iter().enumerate() {
             let here = motions[k];
-            let at = here.center + here.shift;
-            let pose = here.pose(rigid);
-            let moved = pose.to_rigid();
+            let pose = here.pose(rigid).compose(&from.grid.origin());
             let leash = 1.0 / (LEASH * LEASH);
             let mut h = Matrix3::from_diagonal(&Vector3::new(leash, leash, 0.0));
             let mut g = Vector3::new(here.shift.x * leash, here.shift.y * leash, 0.0);
-            for (other, to_world) in others.iter().zip(&to_world) {
-                let view = other.map.field_view(&other.t_world_map.between(&pose));
-                for s in samples(k) {
-                    let Some(i) = view.cell(s.position).and_then(|c| view.nearest(c, s.normal))
-                    else {
-                        continue;
-                    };
-                    let wall = &other.map.boundary[i];
-                    let (p, n) = (moved.apply(s.position), to_world.rotate(wall.normal));
-                    let residual = (p - to_world.apply(wall.position)).dot(&n);
-                    let r = p - at;
-                    let j = Vector3::new(n.x, n.y, n.y * r.x - n.x * r.y);
-                    let w = discount * robust_weight(residual, scale);
-                    h += w * j * j.transpose();
-                    g += w * residual * j;
-                }
+            for puller in &pullers {
+                let probes = samples(k).map(|i| from.probes[i as usize]);
+                let of_walls = puller.pull(probes, &pose, here.center + here.shift, scale);
+                h += discount * of_walls.0;
+                g += discount * of_walls.1;
             }
             for (q, stiffness) in stiffnesses(patch, config) {
                 let told = motions[q].apply(here.center) - here.center;
@@ -107,8 +166,11 @@ pub fn unbend<'s, I: Iterator<Item = &'s WallSample>>(
                 ));
             }
             let step = h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&g));
-            motions[k].shift -= step.xy();
-            motions[k].turn -= step.z;
+            motions[k].step(&-step);
+            moved = moved.max(step.xy().norm() + 5.0 * step.z.abs());
+        }
+        if scale <= finest && moved < STILL * resolution {
+            break;
         }
         scale = (NARROWING * scale).max(finest);
     }
@@ -126,7 +188,7 @@ pub fn unbend<'s, I: Iterator<Item = &'s WallSample>>(
 
 /// The neighbours of a patch, with the inverse variances of (x, y, theta) between the two.
 fn stiffnesses<'p>(
-    patch: &'p crate::local_map::Patch,
+    patch: &'p Patch,
     config: &'p PerceptionConfig,
 ) -> impl Iterator<Item = (usize, Vector3<f64>)> + 'p {
     patch.neighbours.iter().map(|(q, distance)| {
@@ -148,14 +210,15 @@ pub fn of_patches(
     from.samples.unwrap_or_default().iter().for_each(|k| asked[*k as usize] = true);
     let samples = |patch: usize| {
         let own = from.map.patches[patch].samples.iter().filter(|k| asked[**k as usize]);
-        own.step_by(step).map(|k| &from.map.samples[*k as usize])
+        own.step_by(step).copied()
     };
     let unbent = unbend(from.map, &from.t_world_map, others, (samples, step), config);
     let mut sum = WallEvidence::default();
     for (k, pose) in unbent.poses.iter().enumerate() {
         let all = from.map.patches[k].samples.iter().filter(|s| asked[**s as usize]).count();
         let taken = all.div_ceil(step).max(1);
-        let said = likelihood::one_way(samples(k), from.map, pose, others, config);
+        let asked = samples(k).map(|i| &from.map.samples[i as usize]);
+        let said = likelihood::one_way(asked, from.map, pose, others, config);
         sum.add(&said, all as f64 / taken as f64);
     }
     sum.bending = unbent.cost;

@@ -8,7 +8,6 @@
 //! neighbours count once ([`crate::local_map::WallSample::weight`]).
 
 use crate::config::PerceptionConfig;
-use crate::distance::MAX_SQUARED;
 use crate::grid::{class_of, Class};
 use crate::local_map::{LocalMap, WallSample};
 use crate::perception::placed::Placed;
@@ -97,10 +96,28 @@ struct Target<'a> {
     map: &'a LocalMap,
     view: crate::likelihood_field::FieldView<'a>,
     t_map_frame: crate::se2::Rigid,
-    inv_two_sigma_squared: f64,
-    hit_radius: f64,
-    slack: f64,
+    noise: Noise,
     config: &'a PerceptionConfig,
+}
+
+/// How far a wall may lie from the same wall in another map, metres.
+pub(crate) struct Noise {
+    pub inv_two_sigma_squared: f64,
+    /// Where the Gaussian has fallen to the level of a miss.
+    pub hit_radius: f64,
+    /// Along the wall this costs nothing.
+    pub slack: f64,
+}
+
+/// Of two maps: what the cells of either blur is blurred.
+pub(crate) fn noise_of(a: &LocalMap, b: &LocalMap, config: &PerceptionConfig) -> Noise {
+    let resolution = a.grid.resolution().max(b.grid.resolution());
+    let sigma = config.wall_sigma.max(resolution);
+    Noise {
+        inv_two_sigma_squared: 0.5 / (sigma * sigma),
+        hit_radius: sigma * (2.0 * (config.hit - config.miss)).max(0.0).sqrt(),
+        slack: resolution,
+    }
 }
 
 impl<'a> Target<'a> {
@@ -111,16 +128,11 @@ impl<'a> Target<'a> {
         t_map_frame: &Se2,
         config: &'a PerceptionConfig,
     ) -> Self {
-        let resolution = map.grid.resolution().max(other.grid.resolution());
-        let sigma = config.wall_sigma.max(resolution);
         Self {
             map,
             view: map.field_view(t_map_frame),
             t_map_frame: t_map_frame.to_rigid(),
-            inv_two_sigma_squared: 0.5 / (sigma * sigma),
-            // Where the Gaussian has fallen to the level of a miss.
-            hit_radius: sigma * (2.0 * (config.hit - config.miss)).max(0.0).sqrt(),
-            slack: resolution,
+            noise: noise_of(map, other, config),
             config,
         }
     }
@@ -131,12 +143,12 @@ impl<'a> Target<'a> {
         let p = self.t_map_frame.apply(position);
         if let Some(k) = self.view.nearest(cell, normal) {
             let r2 = self.residual_squared(p, k);
-            if r2 <= self.hit_radius * self.hit_radius {
-                return Outcome::Hit(self.config.hit - r2 * self.inv_two_sigma_squared);
+            if r2 <= self.noise.hit_radius * self.noise.hit_radius {
+                return Outcome::Hit(self.config.hit - r2 * self.noise.inv_two_sigma_squared);
             }
         }
         if let Some(k) = self.view.nearest(cell, -normal) {
-            if self.residual_squared(p, k) <= 0.25 * self.hit_radius * self.hit_radius {
+            if self.residual_squared(p, k) <= 0.25 * self.noise.hit_radius * self.noise.hit_radius {
                 return Outcome::Opposed;
             }
         }
@@ -156,7 +168,7 @@ impl<'a> Target<'a> {
         let b = &self.map.boundary[k];
         let d = p - b.position;
         let across = d.dot(&b.normal);
-        let along = (d.x * b.normal.y - d.y * b.normal.x).abs() - self.slack;
+        let along = (d.x * b.normal.y - d.y * b.normal.x).abs() - self.noise.slack;
         across * across + along.max(0.0).powi(2)
     }
 }
@@ -286,25 +298,4 @@ fn targets<'a>(
     let target =
         |o: &Placed<'a>| Target::new(o.map, from, &o.t_world_map.between(t_world_from), config);
     others.iter().map(target).collect()
-}
-
-/// A quick look at an unrefined `T_a_b` with every `stride`-th sample of b: like-oriented walls within
-/// the field's reach, less walls that lie deeper than that in free space. Ranks, and means nothing
-/// else.
-pub fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, stride: usize) -> f64 {
-    let t = t_a_b.to_rigid();
-    let view = a.field_view(t_a_b);
-    let inv_sigma_squared = (2.0 / a.reach()).powi(2);
-    let deep = (a.reach() / a.grid.resolution()).powi(2).min(f64::from(MAX_SQUARED)) as u8;
-    let mut score = 0.0;
-    for s in b.samples.iter().step_by(stride) {
-        let Some(cell) = view.cell(s.position) else { continue };
-        if let Some(k) = view.nearest(cell, s.normal) {
-            let r2 = (t.apply(s.position) - a.boundary[k].position).norm_squared();
-            score += s.weight * (-0.5 * r2 * inv_sigma_squared).exp();
-        } else if a.depth.squared(cell) >= deep {
-            score -= s.conflict_weight;
-        }
-    }
-    score
 }

@@ -8,6 +8,7 @@ pub mod overlay;
 pub mod placed;
 pub mod pool;
 pub mod psi;
+pub mod rigid;
 
 pub use likelihood::WallEvidence;
 pub use overlay::{Layer, Overlay};

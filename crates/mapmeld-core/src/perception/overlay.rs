@@ -85,13 +85,14 @@ impl Overlay {
                 (below, below.grid.locator_from(&l.t_world_map.inverse()))
             })
             .collect();
-        let new_cells = |centers: &[Vec2], occupied: bool| -> Vec<Vec2> {
+        let new_cells = |occupied: bool| -> Vec<Vec2> {
             if !cells {
                 return Vec::new();
             }
+            let centers = &m.class_table(occupied).cells.centers;
             let is_there = |p: &Vec2| {
                 below.iter().any(|(b, at)| {
-                    let table = if occupied { &b.to_occupied } else { &b.to_free };
+                    let table = &b.class_table(occupied).distance;
                     at.index(*p).is_some_and(|k| table.squared(k) == 0)
                 })
             };
@@ -112,8 +113,8 @@ impl Overlay {
             map,
             t_world_map,
             probability,
-            new_occupied: new_cells(&m.occupied.centers, true),
-            new_free: new_cells(&m.free.centers, false),
+            new_occupied: new_cells(true),
+            new_free: new_cells(false),
             new_samples,
             below: self.clone(),
         })))

@@ -75,19 +75,11 @@ impl<'a> Comparison<'a> {
 }
 
 fn cells_of(map: &LocalMap, class: Class) -> &crate::local_map::ClassCells {
-    if class == Class::Occupied {
-        &map.occupied
-    } else {
-        &map.free
-    }
+    &map.class_table(class == Class::Occupied).cells
 }
 
 fn table_of(map: &LocalMap, class: Class) -> &DistanceTable {
-    if class == Class::Occupied {
-        &map.to_occupied
-    } else {
-        &map.to_free
-    }
+    &map.class_table(class == Class::Occupied).distance
 }
 
 /// Psi of a comparison.

@@ -2,54 +2,51 @@
 //! the improved proposal of Stachniss, Grisetti, Burgard, Roy, IROS 2007).
 
 use crate::config::PerceptionConfig;
-use crate::local_map::{LocalMap, WallSample};
+use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
+use crate::probe::{axes_of, Axes};
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
-/// A wall of one map that lies on a wall of the other at the current pose.
+/// A wall of one map that lies on a wall of the other at the current pose, in the axes of grid a.
 #[derive(Debug, Clone, Copy)]
 pub struct Match {
-    /// Point of map b, in frame a.
-    pub moving: Vec2,
-    /// Unit normal, in frame a.
-    pub normal: Vec2,
-    /// Signed distance that the moving point has to go back along the normal, metres.
-    pub residual: f64,
+    /// Point of map b, metres.
+    pub x: f32,
+    /// The same.
+    pub y: f32,
+    /// Unit normal.
+    pub nx: f32,
+    /// The same.
+    pub ny: f32,
+    /// Signed distance that the point has to go back along the normal, metres.
+    pub residual: f32,
 }
 
-impl Match {
-    /// Derivative of the residual by a perturbation of the pose whose origin is `t`.
-    #[inline(always)]
-    pub fn jacobian(&self, t: Vec2) -> Vector3<f64> {
-        let r = self.moving - t;
-        Vector3::new(self.normal.x, self.normal.y, self.normal.y * r.x - self.normal.x * r.y)
+/// Walls of b that fall on like-oriented walls of a, and the other way round; of each map every so manieth sample.
+#[inline(always)]
+fn matches(
+    a: &LocalMap,
+    b: &LocalMap,
+    t_axes_axes: &Se2,
+    (stride_a, stride_b): (usize, usize),
+    mut f: impl FnMut(Match),
+) {
+    let axes = Axes::new(t_axes_axes);
+    let view = a.probe_view(t_axes_axes);
+    for p in b.probes.iter().step_by(stride_b) {
+        let Some(s) = view.see(p) else { continue };
+        let Some(w) = view.wall(&s, 0) else { continue };
+        let residual = (s.x - w.x) * w.nx + (s.y - w.y) * w.ny;
+        f(Match { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
     }
-}
-
-/// Walls of b that fall on like-oriented walls of a, and the other way round; every `stride`-th
-/// sample.
-pub fn matches(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, stride: usize, mut f: impl FnMut(Match)) {
-    let t = t_a_b.to_rigid();
-    let view = a.field_view(t_a_b);
-    let found = |view: &crate::likelihood_field::FieldView, s: &WallSample| {
-        view.cell(s.position).and_then(|c| view.nearest(c, s.normal))
-    };
-    for s in b.samples.iter().step_by(stride) {
-        if let Some(k) = found(&view, s) {
-            let wall = &a.boundary[k];
-            let moving = t.apply(s.position);
-            let residual = (moving - wall.position).dot(&wall.normal);
-            f(Match { moving, normal: wall.normal, residual });
-        }
-    }
-    let view = b.field_view(&t_a_b.inverse());
-    for s in a.samples.iter().step_by(stride) {
-        if let Some(k) = found(&view, s) {
-            let wall = &b.boundary[k];
-            let (moving, normal) = (t.apply(wall.position), t.rotate(wall.normal));
-            f(Match { moving, normal, residual: (moving - s.position).dot(&normal) });
-        }
+    let view = b.probe_view(&t_axes_axes.inverse());
+    for p in a.probes.iter().step_by(stride_a) {
+        let Some(s) = view.see(p) else { continue };
+        let Some(w) = view.wall(&s, 0) else { continue };
+        let residual = (w.x - s.x) * w.nx + (w.y - s.y) * w.ny;
+        let ((x, y), (nx, ny)) = (axes.apply(w.x, w.y), axes.rotate(w.nx, w.ny));
+        f(Match { x, y, nx, ny, residual });
     }
 }
 
@@ -60,22 +57,89 @@ pub fn robust_weight(residual: f64, scale: f64) -> f64 {
     s * s
 }
 
-/// Climbs from a candidate: point-to-line steps under a robust kernel that narrows from the field's
-/// reach to the walls' own noise. The result is finite whatever the walls fix; none when no walls
-/// match.
-pub fn climb(
-    a: &LocalMap,
-    b: &LocalMap,
-    start: &Se2,
-    stride: usize,
-    max_iterations: usize,
-    perception: &PerceptionConfig,
-) -> Option<Se2> {
-    let resolution = a.grid.resolution().max(b.grid.resolution());
-    let wide = 0.5 * a.reach().min(b.reach());
-    ascend(*start, wide, resolution, max_iterations, perception, |t, f| {
-        matches(a, b, t, stride, f);
-    })
+/// What the matches of a pose pull at: the normal equations of a step, turning about a pivot.
+struct Pull {
+    pivot: (f32, f32),
+    scale: f32,
+    /// Upper triangle of the information of (x, y, theta), row by row.
+    h: [f32; 6],
+    g: [f32; 3],
+    n: usize,
+}
+
+impl Pull {
+    fn new(pivot: Vec2, scale: f64) -> Self {
+        let pivot = (pivot.x as f32, pivot.y as f32);
+        Self { pivot, scale: scale as f32, h: [0.0; 6], g: [0.0; 3], n: 0 }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, m: &Match) {
+        let turn = m.ny * (m.x - self.pivot.0) - m.nx * (m.y - self.pivot.1);
+        let scale = self.scale * self.scale;
+        let w = scale / (scale + m.residual * m.residual);
+        let w = w * w;
+        let (wx, wy, wt) = (w * m.nx, w * m.ny, w * turn);
+        self.h[0] += wx * m.nx;
+        self.h[1] += wx * m.ny;
+        self.h[2] += wx * turn;
+        self.h[3] += wy * m.ny;
+        self.h[4] += wy * turn;
+        self.h[5] += wt * turn;
+        self.g[0] += wx * m.residual;
+        self.g[1] += wy * m.residual;
+        self.g[2] += wt * m.residual;
+        self.n += 1;
+    }
+
+    /// The step to go back; directions that the walls leave free stay where they are.
+    fn solve(&self) -> Vector3<f64> {
+        let [xx, xy, xt, yy, yt, tt] = self.h.map(f64::from);
+        // About one match in a hundred's worth of holding still, so that a bare corridor does not slide.
+        let d = 0.01 * xx.max(yy).max(1e-9);
+        let h = Matrix3::new(xx + d, xy, xt, xy, yy + d, yt, xt, yt, tt + 1e-6 * tt.max(1e-9));
+        let g = Vector3::from(self.g.map(f64::from));
+        h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&g))
+    }
+}
+
+/// How far walls may lie from each other when a climb begins, metres.
+pub fn wide(a: &LocalMap, b: &LocalMap) -> f64 {
+    0.5 * a.reach().min(b.reach())
+}
+
+/// How a climb from a candidate is done: point-to-line steps under a robust kernel that narrows to the walls' own
+/// noise.
+#[derive(Debug, Clone, Copy)]
+pub struct Climb {
+    /// Samples of each map that are followed, about.
+    pub samples: usize,
+    /// Most steps.
+    pub steps: usize,
+    /// Scale of the kernel in the beginning, metres.
+    pub scale: f64,
+}
+
+impl Climb {
+    /// Where it ends. The result is finite whatever the walls fix; none when no walls match.
+    pub fn top(
+        &self,
+        a: &LocalMap,
+        b: &LocalMap,
+        start: &Se2,
+        perception: &PerceptionConfig,
+    ) -> Option<Se2> {
+        let resolution = a.grid.resolution().max(b.grid.resolution());
+        let (to_a, from_b) = (a.grid.origin(), b.grid.origin().inverse());
+        let center = from_b.apply(b.center?);
+        let start = axes_of(&a.grid, &b.grid, start);
+        let strides = (a.stride(self.samples), b.stride(self.samples));
+        let top =
+            ascend(start, center, self.scale, resolution, self.steps, perception, |t, pull| {
+                matches(a, b, t, strides, |m| pull.add(&m));
+            });
+        Some(to_a.compose(&top?).compose(&from_b))
+    }
 }
 
 /// Climbs with whole groups of placed maps: b's maps lie in a frame of their own, and `start` is that
@@ -90,21 +154,22 @@ pub fn climb_group(
     let grids = || a.iter().chain(b).map(|p| &p.map.grid);
     let resolution = grids().map(|g| g.resolution()).fold(0.0, f64::max);
     let reach = a.iter().chain(b).map(|p| p.map.reach()).fold(f64::INFINITY, f64::min);
-    ascend(*start, 0.5 * reach, resolution, max_iterations, perception, |t, f| {
+    let centers: Vec<Vec2> =
+        b.iter().filter_map(|q| Some(q.t_world_map.apply(q.map.center?))).collect();
+    let center = centers.iter().sum::<Vec2>() / centers.len().max(1) as f64;
+    ascend(*start, center, 0.5 * reach, resolution, max_iterations, perception, |t, pull| {
         for p in a {
-            let to_world = p.t_world_map.to_rigid();
+            let to_world = Axes::new(&p.t_world_map.compose(&p.map.grid.origin()));
             for q in b {
                 let t_p_q = p.t_world_map.between(&t.compose(&q.t_world_map));
                 if !may_touch(p.map, q.map, &t_p_q) {
                     continue;
                 }
                 // Every second sample: groups have plenty.
-                matches(p.map, q.map, &t_p_q, 2, |m| {
-                    f(Match {
-                        moving: to_world.apply(m.moving),
-                        normal: to_world.rotate(m.normal),
-                        residual: m.residual,
-                    });
+                matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), (2, 2), |m| {
+                    let ((x, y), (nx, ny)) =
+                        (to_world.apply(m.x, m.y), to_world.rotate(m.nx, m.ny));
+                    pull.add(&Match { x, y, nx, ny, residual: m.residual });
                 });
             }
         }
@@ -122,32 +187,30 @@ fn may_touch(a: &LocalMap, b: &LocalMap, t_a_b: &Se2) -> bool {
     (ma - t_a_b.apply(mb)).norm() <= ra + rb
 }
 
-/// Gauss-Newton under a kernel that narrows from `wide`; `each` tells the matches at a pose.
+/// Gauss-Newton under a kernel that narrows from `wide`, turning about `center`, a point of the moving frame;
+/// `each` tells the matches at a pose.
 fn ascend(
     start: Se2,
+    center: Vec2,
     wide: f64,
     resolution: f64,
     max_iterations: usize,
     perception: &PerceptionConfig,
-    each: impl Fn(&Se2, &mut dyn FnMut(Match)),
+    each: impl Fn(&Se2, &mut Pull),
 ) -> Option<Se2> {
     let finest = perception.climb_sigma.max(resolution);
-    let mut scale = wide;
+    let mut scale = wide.max(finest);
     let mut t = start;
     for _ in 0..max_iterations {
-        let (mut h, mut g, mut n) = (Matrix3::zeros(), Vector3::zeros(), 0);
-        each(&t, &mut |m| {
-            let j = m.jacobian(t.translation());
-            let w = robust_weight(m.residual, scale);
-            h += w * j * j.transpose();
-            g += w * m.residual * j;
-            n += 1;
-        });
-        if n < 3 {
+        let pivot = t.apply(center);
+        let mut pull = Pull::new(pivot, scale);
+        each(&t, &mut pull);
+        if pull.n < 3 {
             return None;
         }
-        let step = damped_solve(&h, &g);
-        t = t.perturbed(&-step);
+        let step = -pull.solve();
+        let turned = Se2::new(0.0, 0.0, step.z).rotate(t.translation() - pivot);
+        t = Se2::from_parts(pivot + turned + step.xy(), t.theta + step.z);
         let moved = step.xy().norm() + 5.0 * step.z.abs();
         if scale > finest {
             scale = (0.7 * scale).max(finest);
@@ -156,14 +219,6 @@ fn ascend(
         }
     }
     Some(t)
-}
-
-/// Solves `h x = g`; directions that the walls leave free stay where they are.
-fn damped_solve(h: &Matrix3<f64>, g: &Vector3<f64>) -> Vector3<f64> {
-    // About one match in a hundred's worth of holding still, so that a bare corridor does not slide.
-    let d = 0.01 * h[(0, 0)].max(h[(1, 1)]).max(1e-9);
-    let damped = h + Matrix3::from_diagonal(&Vector3::new(d, d, 1e-6 * h[(2, 2)].max(1e-9)));
-    damped.cholesky().map_or_else(Vector3::zeros, |c| c.solve(g))
 }
 
 /// Covariance of the pose at a local maximum: the inverse of the information of the matched walls,
@@ -180,9 +235,12 @@ pub fn covariance(
     // Both directions tell of the same walls: half each.
     let discount = 0.5 * a.spacing.max(b.spacing) / perception.correlation_length;
     let mut h = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
-    matches(a, b, t_a_b, 1, |m| {
-        let j = m.jacobian(t_a_b.translation());
-        let w = discount * robust_weight(m.residual, sigma) / (sigma * sigma);
+    let to_a = a.grid.origin().to_rigid();
+    matches(a, b, &axes_of(&a.grid, &b.grid, t_a_b), (1, 1), |m| {
+        let r = to_a.apply(Vec2::new(m.x.into(), m.y.into())) - t_a_b.translation();
+        let n = to_a.rotate(Vec2::new(m.nx.into(), m.ny.into()));
+        let j = Vector3::new(n.x, n.y, n.y * r.x - n.x * r.y);
+        let w = discount * robust_weight(m.residual.into(), sigma) / (sigma * sigma);
         h += w * j * j.transpose();
     });
     h.try_inverse().expect("information holds a positive prior")

@@ -4,71 +4,87 @@
 //! turn, since normals point into free space). At each of them every shift is scored: walls of b on
 //! like-oriented walls of a, less walls of b in clear free space of a. That is what keeps small overlaps
 //! in sight: few walls agree there, yet none contradicts. The score is a sum of shifted tables, one for
-//! each wall sample of b, which the compiler turns into vector adds.
+//! each cell that holds wall samples of b, which the compiler turns into vector adds. All shifts are scored
+//! in wide cells, the best of them again in cells half as wide (Olson, "Real-time correlative scan matching",
+//! ICRA 2009).
 
-use crate::boundary::BoundaryPoint;
-use crate::distance::DistanceTable;
-use crate::grid::{class_of, Class, OccupancyGrid};
-use crate::likelihood_field::{direction, LikelihoodField, DIRECTIONS};
-use crate::local_map::{LocalMap, WallSample};
+use crate::likelihood_field::DIRECTIONS;
+use crate::local_map::LocalMap;
+use crate::probe::{Axes, Probe};
+use crate::registration::coarse_table::{CoarseTable, Run, Wide, SCORES};
 use crate::registration::{Candidate, Source};
-use crate::se2::{Se2, Vec2};
-use std::collections::BTreeMap;
+use crate::se2::Se2;
 use std::f64::consts::TAU;
 
 /// Bins of a full turn: one degree each.
-const BINS: usize = 360;
+pub const BINS: usize = 360;
 /// Rotations that are tried.
 const ROTATIONS: usize = 12;
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
-/// Side of a coarse cell, metres, where the table stays small enough.
-const CELL: f64 = 0.2;
-/// Most coarse cells of a map; larger maps are correlated more coarsely.
-const MAX_CELLS: f64 = 40_000.0;
+/// Peaks of all rotations that are scored again in finer cells.
+const LOOKED_INTO: usize = 240;
+/// Samples that score a peak again.
+const PEAK_SAMPLES: usize = 160;
 /// Most shifts that are scored at one rotation.
-const MAX_SHIFTS: f64 = 3e7;
-/// Distance at which a wall is half as good as in place, metres beyond half a coarse cell.
-const BLUR: f64 = 0.15;
-/// Depth in free space from which a wall contradicts, metres beyond half a coarse cell.
-const DEPTH: f64 = 0.3;
-/// Score of a wall in place, where none is, and in clear free space.
-const SCORES: (f64, i8, i8) = (8.0, -3, -16);
-/// Most steps of a sample's weight: independent observations times this.
-const STEPS: f64 = 40.0;
+const MAX_SHIFTS: f64 = 1e7;
+/// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
+const STEPS: f64 = 2.0;
+/// Steps that a bin's contradiction is told in: it is spread wider than agreement is.
+const CONTRADICTION: f32 = 4.0;
 
-/// Candidates for `T_a_b`, each with its score, the best of each rotation first.
-pub fn candidates(a: &LocalMap, b: &LocalMap) -> Vec<(i32, Candidate)> {
-    if a.samples.is_empty() || b.samples.is_empty() {
+/// Candidates for `T_a_b`, each with its score, the best first.
+pub fn candidates(a: &LocalMap, b: &LocalMap) -> Vec<(f32, Candidate)> {
+    if a.probes.is_empty() || b.probes.is_empty() {
         return Vec::new();
     }
-    let mut shifts = Shifts { scores: Vec::new() };
-    rotations(&histogram(&a.samples), &histogram(&b.samples))
+    let mut shifts = Shifts::default();
+    let turns: Vec<Turned> = rotations(&a.turns, &b.turns)
         .into_iter()
-        .flat_map(|theta| shifts.peaks(&a.coarse, &b.samples, theta))
-        .map(|(score, t_a_b)| (score, Candidate { t_a_b, source: Source::Correlation }))
-        .collect()
+        .map(|theta| Turned::new(&a.coarse, &b.probes, theta))
+        .collect();
+    let mut peaks: Vec<(f32, usize, Shift)> = Vec::new();
+    for (k, turned) in turns.iter().enumerate() {
+        let found = shifts.peaks(&a.coarse.wide, turned);
+        peaks.extend(found.into_iter().map(|(score, shift)| (score, k, shift)));
+    }
+    let best_first = |x: &(f32, usize, Shift), y: &(f32, usize, Shift)| {
+        y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2)))
+    };
+    peaks.sort_unstable_by(best_first);
+    peaks.truncate(LOOKED_INTO);
+    for (score, k, shift) in &mut peaks {
+        (*score, *shift) = turns[*k].look_into(&a.coarse, *shift);
+    }
+    peaks.sort_unstable_by(best_first);
+    peaks.dedup_by_key(|(_, k, shift)| (*k, *shift));
+    let (to_a, from_b) = (a.grid.origin(), b.grid.origin().inverse());
+    let candidate = |(score, k, shift): (f32, usize, Shift)| {
+        let t_a_b = to_a.compose(&turns[k].pose(shift, a.coarse.cell)).compose(&from_b);
+        (score, Candidate { t_a_b, source: Source::Correlation })
+    };
+    peaks.into_iter().map(candidate).collect()
 }
 
-/// Weight of the wall normals by direction, smoothed over about three degrees.
-fn histogram(samples: &[WallSample]) -> [f64; BINS] {
+/// Square roots of the weight of the wall normals by direction, smoothed over about three degrees. Square roots:
+/// long walls of one direction must not hide the rest.
+pub fn turns(probes: &[Probe]) -> [f32; BINS] {
     let mut raw = [0.0; BINS];
-    for s in samples {
-        let angle = s.normal.y.atan2(s.normal.x).rem_euclid(TAU);
-        raw[(angle / TAU * BINS as f64) as usize % BINS] += s.weight;
+    for p in probes {
+        raw[usize::from(p.direction) * BINS / 65536] += p.weight;
     }
     let kernel = [0.05, 0.25, 0.6, 1.0, 0.6, 0.25, 0.05];
     std::array::from_fn(|k| {
-        kernel.iter().enumerate().map(|(i, w)| w * raw[(k + BINS + i - 3) % BINS]).sum()
+        let at = |i: usize| raw[(k + BINS + i - 3) % BINS];
+        kernel.iter().enumerate().map(|(i, w)| w * at(i)).sum::<f32>().sqrt()
     })
 }
 
-/// The most promising rotations of b into a, at least six degrees apart.
-fn rotations(a: &[f64; BINS], b: &[f64; BINS]) -> Vec<f64> {
-    // Square roots: long walls of one direction must not hide the rest.
-    let (a, b) = (a.map(f64::sqrt), b.map(f64::sqrt));
-    let score: Vec<f64> =
-        (0..BINS).map(|k| (0..BINS).map(|i| b[i] * a[(i + k) % BINS]).sum()).collect();
+/// The most promising rotations of b's axes into a's, radians, at least six degrees apart.
+fn rotations(a: &[f32; BINS], b: &[f32; BINS]) -> Vec<f64> {
+    let twice: Vec<f32> = a.iter().chain(a).copied().collect();
+    let score: Vec<f32> =
+        (0..BINS).map(|k| b.iter().zip(&twice[k..]).map(|(x, y)| x * y).sum()).collect();
     let mut order: Vec<usize> = (0..BINS).collect();
     order.sort_by(|x, y| score[*y].total_cmp(&score[*x]).then(x.cmp(y)));
     let mut kept: Vec<usize> = Vec::new();
@@ -86,147 +102,156 @@ fn rotations(a: &[f64; BINS], b: &[f64; BINS]) -> Vec<f64> {
             // The peak between the bins, by a parabola.
             let (l, m, r) = (score[(k + BINS - 1) % BINS], score[k], score[(k + 1) % BINS]);
             let bend = l - 2.0 * m + r;
-            let shift = if bend < -1e-12 { (0.5 * (l - r) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-            (k as f64 + shift) * TAU / BINS as f64
+            let shift = if bend < -1e-9 { (0.5 * (l - r) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+            (k as f64 + f64::from(shift)) * TAU / BINS as f64
         })
         .collect()
 }
 
-/// What a wall sample of another map scores in each coarse cell of this one, by its direction.
-#[derive(Debug, Clone)]
-pub struct CoarseTable {
-    /// Grid axes, in coarse cells.
-    t_map_coarse: Se2,
-    cell: f64,
-    width: usize,
-    height: usize,
-    /// Agreement, one table for each direction.
-    agree: Vec<i8>,
-    /// Contradiction, whatever the direction: a wall that is no agreement.
-    contradict: Vec<i8>,
+/// How many fine cells (rows, columns) the turned map is shifted.
+type Shift = (i32, i32);
+
+/// A turned probe: the fine cell it lies in when the map is not shifted, and what it says.
+struct InCell {
+    row: i32,
+    col: i32,
+    octant: usize,
+    weight: f32,
+    conflict_weight: f32,
 }
 
-impl CoarseTable {
-    /// From a map's other tables.
-    pub fn new(
-        g: &OccupancyGrid,
-        boundary: &[BoundaryPoint],
-        field: &LikelihoodField,
-        depth: &DistanceTable,
-    ) -> Self {
-        let (w, h) = (g.width() as f64 * g.resolution(), g.height() as f64 * g.resolution());
-        let cell = CELL.max((w * h / MAX_CELLS).sqrt()).max(g.resolution());
-        let (width, height) = ((w / cell).ceil() as usize, (h / cell).ceil() as usize);
-        let half = 0.5 * cell;
-        let deep = ((DEPTH + half) / g.resolution()).powi(2).min(250.0) as u8;
-        let mut agree = vec![0i8; DIRECTIONS * width * height];
-        let mut contradict = vec![0i8; width * height];
-        for row in 0..height {
-            for col in 0..width {
-                let (u, v) = ((col as f64 + 0.5) * cell, (row as f64 + 0.5) * cell);
-                let (fine_col, fine_row) =
-                    ((u / g.resolution()) as usize, (v / g.resolution()) as usize);
-                if fine_col >= g.width() || fine_row >= g.height() {
-                    continue;
-                }
-                let fine = fine_row * g.width() + fine_col;
-                let at = row * width + col;
-                contradict[at] = match class_of(g.cells()[fine]) {
-                    Class::Unknown => 0,
-                    Class::Free if depth.squared(fine) >= deep => SCORES.2,
-                    _ => SCORES.1,
-                };
-                let center = g.cell_center(fine_row, fine_col);
-                for d in 0..DIRECTIONS {
-                    let Some(k) = field.nearest(fine, d) else { continue };
-                    let r = ((boundary[k].position - center).norm() - half).max(0.0);
-                    let value = SCORES.0 * (-(r / BLUR).powi(2)).exp2();
-                    // Agreement takes the place of what the cell says of strangers.
-                    let value = value.round() as i8 - contradict[at].max(SCORES.1);
-                    agree[d * width * height + at] = if value > 0 { value } else { 0 };
+/// The other map's probes at one rotation.
+struct Turned {
+    theta: f64,
+    /// The lowest coordinates of any probe, metres.
+    low: (f64, f64),
+    /// All of the probes; cells count from `low`.
+    probes: Vec<InCell>,
+    /// Rows and columns that they fill.
+    size: (usize, usize),
+}
+
+impl Turned {
+    fn new(a: &CoarseTable, b: &[Probe], theta: f64) -> Self {
+        let axes = Axes::new(&Se2::new(0.0, 0.0, theta));
+        let turned: Vec<(f32, f32)> = b.iter().map(|p| axes.apply(p.x, p.y)).collect();
+        let low = turned.iter().fold((f32::MAX, f32::MAX), |l, p| (l.0.min(p.0), l.1.min(p.1)));
+        let per_metre = (1.0 / a.cell) as f32;
+        let in_cell = |(p, (x, y)): (&Probe, &(f32, f32))| InCell {
+            row: ((y - low.1) * per_metre) as i32,
+            col: ((x - low.0) * per_metre) as i32,
+            octant: axes.octant(p.direction),
+            weight: p.weight,
+            conflict_weight: p.conflict_weight,
+        };
+        let probes: Vec<InCell> = b.iter().zip(&turned).map(in_cell).collect();
+        let size = probes.iter().fold((0, 0), |s, p| (s.0.max(p.row), s.1.max(p.col)));
+        let size = (size.0 as usize + 1, size.1 as usize + 1);
+        Self { theta, low: (f64::from(low.0), f64::from(low.1)), probes, size }
+    }
+
+    /// The best score of a shift and of those one fine cell from it.
+    fn look_into(&self, a: &CoarseTable, (rows, cols): Shift) -> (f32, Shift) {
+        let mut scores = [0.0f32; 9];
+        let step = (self.probes.len() / PEAK_SAMPLES).max(1);
+        let (w, h) = (a.width as i32, a.height as i32);
+        for p in self.probes.iter().step_by(step) {
+            let (row, col) = (p.row + rows, p.col + cols);
+            for (k, score) in scores.iter_mut().enumerate() {
+                let (r, c) = (row + k as i32 / 3 - 1, col + k as i32 % 3 - 1);
+                if (0..h).contains(&r) && (0..w).contains(&c) {
+                    let (agree, contradict) = a.at(p.octant, (r * w + c) as usize);
+                    *score += p.weight * agree + p.conflict_weight * contradict;
                 }
             }
         }
-        Self { t_map_coarse: g.origin(), cell, width, height, agree, contradict }
+        // The first of equals, the shift itself before all others.
+        let best = [4, 0, 1, 2, 3, 5, 6, 7, 8]
+            .into_iter()
+            .reduce(|best, k| if scores[k] > scores[best] { k } else { best })
+            .expect("nine of them");
+        let shift = (rows + best as i32 / 3 - 1, cols + best as i32 % 3 - 1);
+        (scores[best] * step as f32, shift)
+    }
+
+    /// `T_axes_axes` of a shift.
+    fn pose(&self, (rows, cols): Shift, cell: f64) -> Se2 {
+        let (x, y) = (f64::from(cols) * cell - self.low.0, f64::from(rows) * cell - self.low.1);
+        Se2::new(x, y, self.theta)
     }
 }
 
 /// The scores of all shifts at one rotation, reused for every rotation.
+#[derive(Default)]
 struct Shifts {
     scores: Vec<i16>,
+    /// Weight of b's probes by direction and wide cell, and last that of their contradiction.
+    bins: Vec<f32>,
 }
 
 impl Shifts {
-    /// Scores and transforms of the highest peaks at one rotation.
-    fn peaks(&mut self, a: &CoarseTable, b: &[WallSample], theta: f64) -> Vec<(i32, Se2)> {
-        // b's samples in a's grid axes, turned but not shifted.
-        let to_axes = Se2::new(0.0, 0.0, theta - a.t_map_coarse.theta).to_rigid();
-        let turned: Vec<(Vec2, Vec2, &WallSample)> =
-            b.iter().map(|s| (to_axes.apply(s.position), to_axes.rotate(s.normal), s)).collect();
-        let first = turned[0].0;
-        let (low, high) =
-            turned.iter().fold((first, first), |(lo, hi), (p, _, _)| (lo.inf(p), hi.sup(p)));
-        let index = |p: &Vec2| {
-            let q = (p - low) / a.cell;
-            (q.y as usize, q.x as usize)
-        };
-        let (rows, cols) = index(&high);
-        let (w, h) = (a.width + cols + 1, a.height + rows + 1);
+    /// Scores and shifts of the highest peaks at one rotation.
+    fn peaks(&mut self, a: &Wide, b: &Turned) -> Vec<(f32, Shift)> {
+        let (rows, cols) = (b.size.0.div_ceil(2), b.size.1.div_ceil(2));
+        let (w, h) = (a.width + cols - 1, a.height + rows - 1);
         // A map kilometres wide against one in fine cells: other sources may find it.
         if (w as f64) * (h as f64) > MAX_SHIFTS {
             return Vec::new();
         }
-
-        // Samples of one coarse cell and direction are looked up together.
-        let mut agree: BTreeMap<(usize, usize, usize), f64> = BTreeMap::new();
-        let mut contradict: BTreeMap<(usize, usize), f64> = BTreeMap::new();
+        let area = rows * cols;
+        self.bins.clear();
+        self.bins.resize(area * (DIRECTIONS + 1), 0.0);
         let mut total = 0.0;
-        for (p, n, s) in &turned {
-            let (row, col) = index(p);
-            *agree.entry((direction(*n), row, col)).or_default() += s.weight;
-            *contradict.entry((row, col)).or_default() += s.conflict_weight;
-            total += s.weight;
+        for p in &b.probes {
+            let at = (p.row / 2) as usize * cols + (p.col / 2) as usize;
+            self.bins[p.octant * area + at] += p.weight;
+            self.bins[DIRECTIONS * area + at] += p.conflict_weight;
+            total += f64::from(p.weight);
         }
         // No agreement can leave an i16; what is contradicted beyond that is beyond caring.
-        let steps = STEPS.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1))));
+        let steps = STEPS.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1)))) as f32;
 
         self.scores.clear();
         self.scores.resize(w * h, 0);
-        let area = a.width * a.height;
-        // What rounding takes from one sample it gives to the next.
-        let mut carry = 0.0;
-        let mut add = |table: &[i8], (row, col): (usize, usize), weight: f64| {
-            carry += weight * steps;
-            let weight = carry.floor().min(1000.0);
-            carry -= weight;
-            if weight < 1.0 {
-                return;
+        // What rounding takes from one bin it gives to the next.
+        for (table, runs) in a.runs.iter().enumerate() {
+            let mut carry = 0.0;
+            let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
+            for at in 0..area {
+                let weight = self.bins[table * area + at];
+                if weight <= 0.0 {
+                    continue;
+                }
+                carry += weight * steps;
+                let weight = (carry / unit).floor().min(1000.0) * unit;
+                carry -= weight;
+                if weight < 1.0 {
+                    continue;
+                }
+                // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
+                let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
+                let weight = weight as i16;
+                add(&mut self.scores[to..], w, runs, &a.values, weight);
             }
-            let weight = weight as i16;
-            for (y, line) in table.chunks_exact(a.width).enumerate() {
-                // The sample lies in a's cell (y, x) when b is shifted by that, less its own cell.
-                let at = (y + rows - row) * w + cols - col;
-                let scores = &mut self.scores[at..at + a.width];
-                let add = |(s, t): (&mut i16, &i8)| *s = s.saturating_add(weight * i16::from(*t));
-                scores.iter_mut().zip(line).for_each(add);
-            }
+        }
+        let shift = |at: usize| {
+            let cells = |k: usize, offset: usize| 2 * (k as i32 - offset as i32);
+            (cells(at / w, rows - 1), cells(at % w, cols - 1))
         };
-        for ((d, row, col), weight) in &agree {
-            add(&a.agree[d * area..(d + 1) * area], (*row, *col), *weight);
-        }
-        for (at, weight) in &contradict {
-            add(&a.contradict, *at, *weight);
-        }
         let tops = peaks_of(&self.scores, w, h);
-        tops.into_iter()
-            .map(|(score, at)| {
-                // Cells to metres: low of b comes to lie at the shift's cell.
-                let cells = Vec2::new((at % w) as f64 - cols as f64, (at / w) as f64 - rows as f64);
-                let shift = cells * a.cell - low;
-                let in_axes = Se2::from_parts(shift, theta - a.t_map_coarse.theta);
-                ((f64::from(score) / steps) as i32, a.t_map_coarse.compose(&in_axes))
-            })
-            .collect()
+        tops.into_iter().map(|(score, at)| (f32::from(score) / steps, shift(at))).collect()
+    }
+}
+
+/// Adds the runs of a table, each value so many times, to the scores of the shifts at which a bin meets them.
+fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i16) {
+    for run in runs {
+        let len = run.len as usize;
+        let values = &values[run.at as usize..run.at as usize + len];
+        let start = run.row as usize * width + run.col as usize;
+        for (score, value) in scores[start..start + len].iter_mut().zip(values) {
+            *score = score.saturating_add(weight * value);
+        }
     }
 }
 
@@ -243,7 +268,7 @@ fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
             }
         }
     }
-    tops.sort_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
+    tops.sort_unstable_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
     tops.truncate(PEAKS);
     tops
 }

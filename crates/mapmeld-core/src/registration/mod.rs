@@ -5,6 +5,7 @@
 
 pub mod climb;
 pub mod closed_form;
+pub mod coarse_table;
 pub mod corners;
 pub mod correlation;
 pub mod pair;

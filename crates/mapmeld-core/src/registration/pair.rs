@@ -2,22 +2,28 @@
 
 use crate::config::{Config, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
-use crate::perception::{likelihood, placed};
+use crate::perception::{placed, rigid};
+use crate::probe::{axes_of, Axes};
 use crate::registration::{
-    climb, corners, correlation, segments, Candidate, Mode, Registered, Rung, Source,
+    climb::{self, Climb},
+    corners, correlation, segments, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
 /// Samples that the very first look at a candidate takes.
-const BLINK_SAMPLES: usize = 64;
+const BRIEF_SAMPLES: usize = 64;
 /// Samples that a longer look takes.
-const GLANCE_SAMPLES: usize = 120;
-/// Samples that a climb follows.
-const CLIMB_SAMPLES: usize = 250;
-/// Samples that the last climb of a mode follows.
-const FINAL_SAMPLES: usize = 600;
+const LONGER_SAMPLES: usize = 200;
+/// Samples of each map that the first steps uphill follow.
+const FIRST_SAMPLES: usize = 80;
+/// Samples of each map that a climb follows.
+const CLIMB_SAMPLES: usize = 160;
+/// Samples of each map that the last climb of a mode follows.
+const FINAL_SAMPLES: usize = 400;
+/// Modes of the mirror image, of which the best alone is asked for.
+const DECOYS: usize = 4;
 /// Steps that every candidate worth a second look is led uphill.
 const FIRST_STEPS: usize = 6;
 
@@ -33,10 +39,10 @@ pub fn register(
     (a, b): (usize, usize),
     config: &Config,
 ) -> Registered {
-    let (candidates, modes) = find_modes(ma, mb, hints, config.registration.shortlist, config);
-    let mut decoys = mirrored_b.map_or_else(Vec::new, |m| {
-        find_modes(ma, m, &[], config.registration.decoy_shortlist, config).1
-    });
+    let r = &config.registration;
+    let (candidates, modes) = find_modes(ma, mb, hints, (r.shortlist, r.max_modes), config);
+    let mut decoys = mirrored_b
+        .map_or_else(Vec::new, |m| find_modes(ma, m, &[], (r.decoy_shortlist, DECOYS), config).1);
     decoys.resize(modes.len(), Vec::new());
     let evidence = |modes: Vec<Mode>| modes.into_iter().map(|m| m.evidence).collect();
     let rungs = modes
@@ -52,7 +58,7 @@ fn find_modes(
     ma: &LocalMap,
     mb: &LocalMap,
     hints: &[Se2],
-    shortlist: usize,
+    (shortlist, max_modes): (usize, usize),
     config: &Config,
 ) -> (usize, Vec<Vec<Mode>>) {
     let rungs = config.perception.rungs();
@@ -66,45 +72,56 @@ fn find_modes(
 
     let distance =
         r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
-    let stride = |samples: usize| (mb.samples.len() / samples).max(1);
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
-    let look = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
-        let stride = stride(samples);
-        found.into_iter().map(|c| (likelihood::glance(ma, mb, &c.t_a_b, stride), c)).collect()
+    let coarsely = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
+        let stride = (mb.probes.len() / samples).max(1);
+        let score = |c: &Candidate| {
+            let axes = Axes::new(&axes_of(&ma.grid, &mb.grid, &c.t_a_b));
+            ma.coarse.score(mb.probes.iter().step_by(stride), &axes)
+        };
+        found.into_iter().map(|c| (f64::from(score(&c)), c)).collect()
     };
-    let climb_all = |found: &[Candidate], samples: usize, steps: usize, p: &PerceptionConfig| {
-        let p = &p.rigid();
-        let climbed = found.iter().filter_map(|c| {
-            let t_a_b = climb::climb(ma, mb, &c.t_a_b, stride(samples), steps, p)?;
-            let evidence = likelihood::pair(ma, mb, &t_a_b, stride(4 * samples), p);
-            Some((evidence.log_likelihood, Candidate { t_a_b, ..*c }))
-        });
-        climbed.collect::<Vec<_>>()
+    let finely = |found: &[Candidate], samples: usize, p: &PerceptionConfig| {
+        let score = |c: &Candidate| rigid::log_likelihood(ma, mb, &c.t_a_b, samples, p);
+        found.iter().map(|c| (score(c), *c)).collect::<Vec<_>>()
     };
-    // Narrowing down: all blinked at, many looked at, fewer led a few steps uphill, the best climbed to
+    let climbed = |found: &[Candidate], climb: &Climb, p: &PerceptionConfig| {
+        let top = |c: &Candidate| Some(Candidate { t_a_b: climb.top(ma, mb, &c.t_a_b, p)?, ..*c });
+        found.iter().filter_map(top).collect::<Vec<_>>()
+    };
+    let wide = climb::wide(ma, mb);
+    let rigid: Vec<PerceptionConfig> = rungs.iter().map(PerceptionConfig::rigid).collect();
+
+    // Narrowing down: all are looked at briefly, many longer, fewer are led a few steps uphill, the best climb to
     // the top.
-    let mut blinked = look(found, BLINK_SAMPLES);
-    blinked.sort_by(|x, y| y.0.total_cmp(&x.0));
-    blinked.truncate(40 * shortlist);
-    let blinked = blinked.into_iter().map(|(_, c)| c).collect();
-    let mut glanced = distinct(look(blinked, GLANCE_SAMPLES), 4 * shortlist);
-    let correlated = correlated.into_iter().map(|(score, c)| (f64::from(score), c)).collect();
-    glanced.extend(distinct(correlated, 4 * shortlist));
+    let mut looked_at = coarsely(found, BRIEF_SAMPLES);
+    looked_at.sort_by(|x, y| y.0.total_cmp(&x.0));
+    looked_at.truncate(10 * shortlist);
+    let looked_at = looked_at.into_iter().map(|(_, c)| c).collect();
+    let mut begun = distinct(coarsely(looked_at, LONGER_SAMPLES), 2 * shortlist);
+    begun.extend(distinct(
+        correlated.into_iter().map(|(s, c)| (s.into(), c)).collect(),
+        2 * shortlist,
+    ));
+    let first = Climb { samples: FIRST_SAMPLES, steps: FIRST_STEPS, scale: wide };
+    let begun = climbed(&begun, &first, &rigid[rigid.len() / 2]);
+
     // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
     // what either finds is tried at all of them.
     let mut tops: Vec<Candidate> = Vec::new();
-    let widest = (rungs.len() > 1).then(|| &rungs[rungs.len() - 1]);
-    for p in rungs.first().into_iter().chain(widest) {
-        let mut shortlisted =
-            distinct(climb_all(&glanced, GLANCE_SAMPLES, FIRST_STEPS, p), shortlist);
+    let widest = (rigid.len() > 1).then(|| &rigid[rigid.len() - 1]);
+    for p in rigid.first().into_iter().chain(widest) {
+        let mut shortlisted = distinct(finely(&begun, 2 * FIRST_SAMPLES, p), shortlist / 2);
         shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
-        tops.extend(distinct(
-            climb_all(&shortlisted, CLIMB_SAMPLES, r.max_iterations, p),
-            r.max_modes,
-        ));
+        let climb = Climb { samples: CLIMB_SAMPLES, steps: r.max_iterations, scale: wide };
+        let at_top = climbed(&shortlisted, &climb, p);
+        tops.extend(distinct(finely(&at_top, 2 * CLIMB_SAMPLES, p), max_modes));
     }
-    let modes = rungs.iter().map(|p| {
-        let at_top = distinct(climb_all(&tops, FINAL_SAMPLES, r.max_iterations, p), r.max_modes);
+    let modes = rungs.iter().zip(&rigid).map(|(p, rigid)| {
+        let few = distinct(finely(&tops, FINAL_SAMPLES, rigid), max_modes);
+        let climb = Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0 };
+        let at_top = climbed(&few, &climb, rigid);
+        let at_top = distinct(finely(&at_top, 2 * FINAL_SAMPLES, rigid), max_modes);
         let mut modes: Vec<Mode> = at_top.into_iter().map(|c| mode(ma, mb, c, p)).collect();
         modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
         modes

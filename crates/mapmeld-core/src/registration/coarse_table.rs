@@ -1,0 +1,172 @@
+//! What a wall sample of another map scores in each coarse cell of a map, by its direction: like-oriented walls
+//! nearby for it, clear free space against it.
+
+use crate::boundary::BoundaryPoint;
+use crate::distance::DistanceTable;
+use crate::grid::{class_of, Class, OccupancyGrid};
+use crate::likelihood_field::{LikelihoodField, DIRECTIONS};
+use crate::probe::{Axes, Probe};
+
+/// Side of a coarse cell, metres, where the table stays small enough.
+const CELL: f64 = 0.2;
+/// Most coarse cells of a map; larger maps are correlated more coarsely.
+const MAX_CELLS: f64 = 40_000.0;
+/// Distance at which a wall is half as good as in place, metres beyond half a coarse cell.
+const BLUR: f64 = 0.15;
+/// Depth in free space from which a wall contradicts, metres beyond half a coarse cell.
+const DEPTH: f64 = 0.3;
+/// Score of a wall in place, where none is, and in clear free space.
+pub const SCORES: (f64, i8, i8) = (8.0, -3, -16);
+/// Cells without a score that a run bridges, since one longer run is faster than two short ones.
+const BRIDGED: usize = 24;
+
+/// Cells of one row that follow each other, some of which score.
+#[derive(Debug, Clone, Copy)]
+pub struct Run {
+    /// Row of the first cell.
+    pub row: u32,
+    /// Column of the first cell.
+    pub col: u32,
+    /// Where its score is in [`Wide::values`].
+    pub at: u32,
+    /// Number of cells.
+    pub len: u32,
+}
+
+/// The table in cells twice as wide, as runs: most cells of a direction score nothing.
+#[derive(Debug, Clone)]
+pub struct Wide {
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Scores of all runs.
+    pub values: Vec<i16>,
+    /// Runs of each direction's agreement, and last those of the contradiction.
+    pub runs: [Vec<Run>; DIRECTIONS + 1],
+}
+
+/// See the module's text. Rows and columns are those of the grid's axes.
+#[derive(Debug, Clone)]
+pub struct CoarseTable {
+    /// Side of a cell, metres.
+    pub cell: f64,
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// Agreement, one table for each direction.
+    agree: Vec<i8>,
+    /// Contradiction, whatever the direction: a wall that is no agreement.
+    contradict: Vec<i8>,
+    /// In cells twice as wide.
+    pub wide: Wide,
+}
+
+impl CoarseTable {
+    /// From a map's other tables.
+    pub fn new(
+        g: &OccupancyGrid,
+        boundary: &[BoundaryPoint],
+        field: &LikelihoodField,
+        depth: &DistanceTable,
+    ) -> Self {
+        let (w, h) = (g.width() as f64 * g.resolution(), g.height() as f64 * g.resolution());
+        let cell = CELL.max((w * h / MAX_CELLS).sqrt()).max(g.resolution());
+        let (width, height) = ((w / cell).ceil() as usize, (h / cell).ceil() as usize);
+        let half = 0.5 * cell;
+        let deep = ((DEPTH + half) / g.resolution()).powi(2).min(250.0) as u8;
+        let mut agree = vec![0i8; DIRECTIONS * width * height];
+        let mut contradict = vec![0i8; width * height];
+        for row in 0..height {
+            for col in 0..width {
+                let (u, v) = ((col as f64 + 0.5) * cell, (row as f64 + 0.5) * cell);
+                let (fine_col, fine_row) =
+                    ((u / g.resolution()) as usize, (v / g.resolution()) as usize);
+                if fine_col >= g.width() || fine_row >= g.height() {
+                    continue;
+                }
+                let fine = fine_row * g.width() + fine_col;
+                let at = row * width + col;
+                contradict[at] = match class_of(g.cells()[fine]) {
+                    Class::Unknown => 0,
+                    Class::Free if depth.squared(fine) >= deep => SCORES.2,
+                    _ => SCORES.1,
+                };
+                let center = g.cell_center(fine_row, fine_col);
+                for d in 0..DIRECTIONS {
+                    let Some(k) = field.nearest(fine, d) else { continue };
+                    let r = ((boundary[k].position - center).norm() - half).max(0.0);
+                    let value = SCORES.0 * (-(r / BLUR).powi(2)).exp2();
+                    // Agreement takes the place of what the cell says of strangers.
+                    let value = value.round() as i8 - contradict[at].max(SCORES.1);
+                    agree[d * width * height + at] = if value > 0 { value } else { 0 };
+                }
+            }
+        }
+        let wide = Wide::new(width, height, &agree, &contradict);
+        Self { cell, width, height, agree, contradict, wide }
+    }
+
+    /// Agreement and contradiction of a sample in a cell, by its index.
+    #[inline(always)]
+    pub fn at(&self, octant: usize, cell: usize) -> (f32, f32) {
+        let agree = self.agree[octant * self.width * self.height + cell];
+        (f32::from(agree), f32::from(self.contradict[cell]))
+    }
+
+    /// Score of some of another map's probes at a pose of its axes in this grid's.
+    pub fn score<'p>(&self, probes: impl Iterator<Item = &'p Probe>, axes: &Axes) -> f32 {
+        let per_metre = (1.0 / self.cell) as f32;
+        let (width, height) = (self.width as f32, self.height as f32);
+        let mut score = 0.0;
+        for p in probes {
+            let (x, y) = axes.apply(p.x, p.y);
+            let (u, v) = (x * per_metre, y * per_metre);
+            if u >= 0.0 && v >= 0.0 && u < width && v < height {
+                let cell = v as usize * self.width + u as usize;
+                let (agree, contradict) = self.at(axes.octant(p.direction), cell);
+                score += p.weight * agree + p.conflict_weight * contradict;
+            }
+        }
+        score
+    }
+}
+
+impl Wide {
+    /// The best that any of the four cells says.
+    fn new(fine_width: usize, fine_height: usize, agree: &[i8], contradict: &[i8]) -> Self {
+        let (width, height) = (fine_width.div_ceil(2), fine_height.div_ceil(2));
+        let mut values = Vec::new();
+        let tables = agree.chunks_exact(fine_width * fine_height).chain([contradict]);
+        let mut runs: [Vec<Run>; DIRECTIONS + 1] = Default::default();
+        let mut line = vec![0i16; width];
+        for (table, runs) in tables.zip(&mut runs) {
+            for row in 0..height {
+                let rows = [2 * row, (2 * row + 1).min(fine_height - 1)];
+                for (col, best) in line.iter_mut().enumerate() {
+                    let cols = [2 * col, (2 * col + 1).min(fine_width - 1)];
+                    let cells = rows.iter().flat_map(|r| cols.map(|c| table[r * fine_width + c]));
+                    *best = i16::from(cells.max().expect("four cells"));
+                }
+                runs_of(&line, row, &mut values, runs);
+            }
+        }
+        Self { width, height, values, runs }
+    }
+}
+
+/// Appends the runs of a row.
+fn runs_of(line: &[i16], row: usize, values: &mut Vec<i16>, runs: &mut Vec<Run>) {
+    let mut col = 0;
+    while let Some(start) = line[col..].iter().position(|v| *v != 0).map(|k| col + k) {
+        let mut end = start + 1;
+        while let Some(gap) = line[end..].iter().take(BRIDGED).position(|v| *v != 0) {
+            end += gap + 1;
+        }
+        let at = values.len() as u32;
+        values.extend(&line[start..end]);
+        runs.push(Run { row: row as u32, col: start as u32, at, len: (end - start) as u32 });
+        col = end;
+    }
+}

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mapmeld.fusing import fuse
     from mapmeld.grid import OccupancyGrid
     from mapmeld.holding import Hold
+    from mapmeld.known import Known, SamePoints
     from mapmeld.map_features import MapFeatures, features
     from mapmeld.map_io import read_map, write_map
     from mapmeld.merging import merge
@@ -32,6 +33,7 @@ __all__ = [
     "EstimatedComponent",
     "Estimator",
     "Hold",
+    "Known",
     "MapFeatures",
     "MapFileError",
     "MapmeldError",
@@ -41,6 +43,7 @@ __all__ = [
     "Prior",
     "RobotEstimate",
     "RunnerUp",
+    "SamePoints",
     "__version__",
     "default_config",
     "features",
@@ -59,6 +62,8 @@ _HOME = {
     "EstimatedComponent": "estimate",
     "Estimator": "estimator",
     "Hold": "holding",
+    "Known": "known",
+    "SamePoints": "known",
     "MapFeatures": "map_features",
     "MapFileError": "errors",
     "MapmeldError": "errors",

@@ -10,6 +10,9 @@ from typing import NotRequired, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
+_Prior = tuple[str, Sequence[float], Sequence[float] | None]
+_Relation = tuple[str, str, Sequence[float], Sequence[float], float, tuple[float, float] | None]
+
 __all__ = [
     "SAME_WORLD",
     "LocalMap",
@@ -48,6 +51,10 @@ class _Mode(_Evidence):
     covariance: list[list[float]]
     log_odds: float
     source: str
+
+class _Snap(_Evidence):
+    T_base_moved: list[float]
+    probability: float
 
 class _Weighed(TypedDict):
     rung: int
@@ -154,8 +161,10 @@ class Session:
     def merge(
         self,
         references: Sequence[str],
-        priors: Sequence[tuple[str, Sequence[float], Sequence[float] | None]],
+        priors: Sequence[_Prior],
         progress: Callable[[str, int, int], object] | None = None,
+        relations: Sequence[_Relation] = ...,
+        forbidden: Sequence[tuple[str, str]] = ...,
     ) -> _Merge: ...
     def weigh(
         self,
@@ -166,9 +175,16 @@ class Session:
                 Sequence[Sequence[float]],
             ]
         ],
-        priors: Sequence[tuple[str, Sequence[float], Sequence[float] | None]],
+        priors: Sequence[_Prior],
         progress: Callable[[str, int, int], object] | None = None,
     ) -> list[tuple[list[tuple[float, int]], float]]: ...
+    def snap(
+        self,
+        base: Sequence[tuple[str, Sequence[float]]],
+        moved: Sequence[tuple[str, Sequence[float]]],
+        start: Sequence[float],
+        decoy: float = 0.0,
+    ) -> _Snap | None: ...
     def fuse(self, name: str, placed: Sequence[tuple[str, Sequence[float]]]) -> _Fused: ...
 
 def default_config() -> str: ...
@@ -188,4 +204,7 @@ def merge(
     order: Sequence[int] | None = None,
     reference: int | None = None,
     progress: Callable[[str, int, int], object] | None = None,
+    priors: Sequence[_Prior] = ...,
+    relations: Sequence[_Relation] = ...,
+    forbidden: Sequence[tuple[str, str]] = ...,
 ) -> _Merge: ...

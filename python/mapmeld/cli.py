@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from mapmeld import cli_demo, cli_evaluate, cli_figures, cli_inspect, cli_merge, cli_replay, cli_simulate
+from mapmeld import (
+    cli_demo,
+    cli_evaluate,
+    cli_figures,
+    cli_inspect,
+    cli_merge,
+    cli_replay,
+    cli_simulate,
+    cli_studio,
+)
 from mapmeld.cli_common import EXIT_CODES, report_error
 
 app = typer.Typer(
@@ -19,6 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("merge", epilog=EXIT_CODES)(cli_merge.merge)
+app.command("studio", epilog=EXIT_CODES)(cli_studio.studio)
 app.command("replay", epilog=EXIT_CODES)(cli_replay.replay)
 app.command("inspect", epilog=EXIT_CODES)(cli_inspect.inspect)
 app.command("evaluate", epilog=EXIT_CODES)(cli_evaluate.evaluate)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mapmeld import cli_known
 from mapmeld.cli_common import reported
 
 if TYPE_CHECKING:
@@ -86,6 +87,26 @@ def merge(
             show_default=False,
         ),
     ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help=cli_known.SESSION_HELP, show_default=False),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=X,Y,THETA,SX,SY,STHETA", help=cli_known.PRIOR_HELP, show_default=False),
+    ] = None,
+    pin: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=X,Y,THETA", help=cli_known.PIN_HELP, show_default=False),
+    ] = None,
+    points: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A,B=XA,YA,XB,YB,...", help=cli_known.POINTS_HELP, show_default=False),
+    ] = None,
+    forbid: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A,B", help=cli_known.FORBID_HELP, show_default=False),
+    ] = None,
     json: Annotated[
         Path | None,
         typer.Option(metavar="PATH", help="Also write result.json there; - prints it.", show_default=False),
@@ -106,6 +127,7 @@ def merge(
     """
     from mapmeld.bag import is_bag
     from mapmeld.cli_options import gather_options
+    from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
     from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs
 
@@ -120,13 +142,24 @@ def merge(
         *_flag("--threads", threads, "threads"),
         *_flag("--resolution", resolution, "fuse", "resolution"),
     ]
-    options = gather_options(config, settings or [], flags)
+    saved_session = cli_known.read_session_option(session)
+    base = {} if saved_session is None else saved_session.config
+    options = overlay(base, gather_options(config, settings or [], flags))
+    known = cli_known.gather_known(saved_session, prior, pin, points, forbid)
     names = None if order is None else [name.strip() for name in order.split(",") if name.strip()]
     if json is not None and str(json) != "-":
         _check_json(json, maps)
 
     from mapmeld.merging import merge as merge_maps
-    from mapmeld.output import OutputFolder, replace_file, write_merged_maps, write_report, write_result
+    from mapmeld.output import (
+        OutputFolder,
+        replace_file,
+        write_merged_maps,
+        write_report,
+        write_result,
+        write_session,
+    )
+    from mapmeld.session_file import Session
 
     with contextlib.ExitStack() as stack:
         saved = [path for path in maps if not is_bag(path)]
@@ -136,8 +169,12 @@ def merge(
         with _progress(quiet) as progress:
             inputs = read_inputs(maps, named, moment, progress)
             grids = inputs.grids
+            if saved_session is not None and session is not None:
+                saved_session.check(grids, session)
             read_seconds = time.perf_counter() - started
-            result = merge_maps(grids, order=names, reference=reference, config=options, progress=progress)
+            result = merge_maps(
+                grids, order=names, reference=reference, config=options, known=known, progress=progress
+            )
         extra = {"read": read_seconds}
         if out is not None:
             clock = time.perf_counter()
@@ -150,6 +187,8 @@ def merge(
         result = dataclasses.replace(result, seconds={**result.seconds, **extra})
         if out is not None:
             write_result(out.staged, result)
+            if known or saved_session is not None:
+                write_session(out.staged, Session.of(grids, options, known))
         if json is not None and str(json) != "-":
             replace_file(json, result.to_json().encode())
         if out is not None:

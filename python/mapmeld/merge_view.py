@@ -40,7 +40,10 @@ def warnings(result: MergeResult) -> list[str]:
             f"the maps fall into {parts} components; between them there is not enough evidence to merge "
             "(-v shows every pair). Each component is a merged map of its own"
         )
-    unmerged = [m for m in result.maps if m.status == "blank" or (parts > 1 and m.status != "merged")]
+    unmerged = [
+        m for m in result.maps if m.status == "blank" or (parts > 1 and m.status not in ("merged", "pinned"))
+    ]
+    unmerged += [m for m in result.maps if parts == 1 and m.status == "prior"]
     lines += [f"map {m.name}: {m.status}: {m.reason}" for m in unmerged]
     return lines
 
@@ -56,6 +59,8 @@ def details(result: MergeResult) -> list[str]:
         )
         lines.append(f"component {k}: {' > '.join(c.order)}{rms}{size}{conflicts}")
     lines.append("hypotheses: " + ", ".join(f"{h.probability:.3f}" for h in result.hypotheses))
+    if result.known is not None:
+        lines += [f"known: {line}" for line in result.known.lines()]
     for p in result.pairs:
         if p.modes:
             best = p.modes[0]
@@ -73,7 +78,8 @@ def _cells(m: PlacedMap, result: MergeResult) -> list[str]:
     if m.T_component_map is None or m.covariance is None:
         return [m.name, str(m.component), *[_NONE] * 6, m.status, _NONE]
     x, y, theta = m.T_component_map.tolist()
-    if result.components[m.component].reference == m.name:
+    component = result.components[m.component]
+    if component.reference == m.name and not component.in_world:
         deviations = [_NONE] * 3
     else:
         sx, sy, st = (math.sqrt(max(v, 0.0)) for v in m.covariance.diagonal().tolist())

@@ -15,6 +15,7 @@ from mapmeld import _core
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
+from mapmeld.known import Known, told
 from mapmeld.known_cells import known_centre
 from mapmeld.map_yaml import one_line
 from mapmeld.reasons import reason
@@ -37,6 +38,7 @@ def merge(
     order: Sequence[str | SupportsIndex] | None = None,
     reference: str | SupportsIndex | None = None,
     config: Mapping[str, Any] | None = None,
+    known: Known | None = None,
     progress: Progress | None = None,
 ) -> MergeResult:
     """Merges maps whose frames are unknown to each other (VR-SLAM).
@@ -48,12 +50,15 @@ def merge(
         order. None: unknown, and found. reference: the map whose frame is the world; None: the first of
         `order` or, without one, the map with the most in common with others.
     config: options, nested by stage and partial; see default_config.
+    known: priors and pins of poses, points that two maps share, pairs that do not match: evidence like any
+        other. Where there are priors or pins, their world is the frame of the component with these maps.
     progress: called between pieces of work, on the calling thread; what it raises ends the merge.
 
     That maps do not overlap, or that two answers fit, is a value of the result. Raises MapmeldError for no
-    maps, two of one name, and an order or reference that names no map or does not begin with the reference;
-    ConfigError for an option that does not exist or is out of range. The interpreter lock is released
-    meanwhile; Ctrl-C raises KeyboardInterrupt at once, the core's threads end with their piece of work.
+    maps, two of one name, an order, reference or known that names no map, and an order that does not begin
+    with the reference; ConfigError for an option that does not exist or is out of range. The interpreter
+    lock is released meanwhile; Ctrl-C raises KeyboardInterrupt at once, the core's threads end with their
+    piece of work.
     """
     grids = _checked(maps)
     names = [grid.name or f"map_{i}" for i, grid in enumerate(grids)]
@@ -61,6 +66,8 @@ def merge(
         if names.count(name) > 1:
             raise MapmeldError(one_line(f"maps: two are called {name!r}; give each a name of its own"))
     options = effective_config(_with_short_options(config or {}, particles, seed, threads))
+    known = Known() if known is None else known
+    known.check_names(names)
     sequence = None if order is None else _sequence(order, names)
     first = None if reference is None else _index(reference, names, "reference")
     if sequence and first is not None and sequence[0] != first:
@@ -78,10 +85,13 @@ def merge(
         sequence or None,
         first,
         progress,
+        known.core_priors(),
+        known.relations(),
+        known.forbidden,
     )
     seconds = {**found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
-    return result_of(found, names, options, seconds, centres)
+    return told(result_of(found, names, options, seconds, centres), known)
 
 
 def _checked(maps: Sequence[OccupancyGrid]) -> list[OccupancyGrid]:

@@ -17,12 +17,13 @@ from mapmeld.grid import OccupancyGrid
 from mapmeld.map_io import write_map
 from mapmeld.map_yaml import one_line, read_map_yaml
 from mapmeld.result import MergeResult
+from mapmeld.session_file import Session
 
-RESULT, REPORT = "result.json", "report.png"
+RESULT, REPORT, SESSION = "result.json", "report.png", "session.json"
 ESTIMATES, DEVELOPMENT = "estimates.jsonl", "development.png"
 """What a replay writes beside these."""
 
-_OURS = {RESULT, REPORT, ESTIMATES, DEVELOPMENT}
+_OURS = {RESULT, REPORT, SESSION, ESTIMATES, DEVELOPMENT}
 _STAGING = ".mapmeld-"
 _MERGED = re.compile(r"merged(_[0-9]+)?\.(yaml|pgm)")
 # What every result.json has. A folder whose result.json has it was written by a merge.
@@ -64,6 +65,12 @@ def write_result(folder: Path, result: MergeResult) -> None:
     """Writes result.json."""
     with saying(folder / RESULT):
         (folder / RESULT).write_text(result.to_json(), encoding="ascii")
+
+
+def write_session(folder: Path, session: Session) -> None:
+    """Writes session.json."""
+    with saying(folder / SESSION):
+        (folder / SESSION).write_text(session.to_json(), encoding="ascii")
 
 
 def replace_file(path: Path, content: bytes) -> None:

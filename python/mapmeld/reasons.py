@@ -37,13 +37,16 @@ def reason(
         return "it holds no known cell, so it is placed nowhere"
     if status == "prior":
         return "placed by its prior alone"
-    own = [p for p in pairs if name in (p.a, p.b) and p.modes]
+    every = [p for p in pairs if name in (p.a, p.b) and p.modes]
+    own = [p for p in every if p.status != "forbidden"]
     if status == "merged":
         return _merged(name, [p for p in own if _is_told(p, placed, centres)])
     if status == "ambiguous":
         first, *others = [f"{p:.2f}" for p in _places(name, hypotheses, centres[name])[:3]] or ["little"]
         second = f", the next {' and '.join(others)}" if others else ""
         return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}"
+    if every and not own:
+        return "the only maps whose walls fit its own are forbidden to match it"
     if not own:
         return "no wall of another map fits any of its walls" if pairs else "it is the only map"
     best = max(own, key=lambda p: p.probability)

@@ -27,6 +27,8 @@ _FAR = 0.25
 number stays at the edge, with an arrow towards it."""
 _PIXELS, _SMALL_PIXELS = 450, 200
 """Longest side of a panel's picture. Less than the screen shows, so that walls of one cell stay visible."""
+_MOST_KNOWN = 8
+"""Lines about what was known; the rest is in result.json."""
 _INK = "0.15"
 
 
@@ -114,7 +116,9 @@ def _size(panels: list[_Panel], result: MergeResult) -> tuple[float, float]:
         height = _WIDTH * math.ceil(len(panels) / _columns(len(panels))) / _columns(len(panels))
     elif not panels:
         height = 2.0
-    return _WIDTH, height + 0.19 * math.ceil(len(result.maps) / _legend_columns(result)) + 0.2
+    return _WIDTH, height + 0.19 * math.ceil(len(result.maps) / _legend_columns(result)) + 0.2 + 0.16 * len(
+        _known_lines(result)
+    )
 
 
 def _columns(panels: int) -> int:
@@ -208,6 +212,14 @@ def _draw_origins(axes: Any, panel: _Panel, size: float) -> None:
         )
 
 
+def _known_lines(result: MergeResult) -> list[str]:
+    """What was known beside the maps, as far as there is room."""
+    lines = [] if result.known is None else result.known.lines()
+    if len(lines) > _MOST_KNOWN:
+        lines = [*lines[: _MOST_KNOWN - 1], f"and {len(lines) - _MOST_KNOWN + 1} more (result.json)"]
+    return [textwrap.shorten(line, 110).replace("$", r"\$") for line in lines]
+
+
 def _legend_columns(result: MergeResult) -> int:
     longest = max(len(_label(i, result)) for i in range(len(result.maps)))
     return max(1, min(5, 100 // (longest + 6)))
@@ -240,4 +252,6 @@ def _draw_legend(figure: Any, result: MergeResult) -> None:
         fontsize=8,
         frameon=False,
         labelcolor=_INK,
+        title="\n".join(_known_lines(result)) or None,
+        title_fontsize=8,
     )

@@ -6,12 +6,15 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapmeld.grid import OccupancyGrid
+
+if TYPE_CHECKING:
+    from mapmeld.known import Known
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,7 @@ class PlacedMap:
         blank map.
     status: "merged", "ambiguous" (it belongs to others, but more than one place is probable: a component of
         its own), "no evidence" (no other map shares enough walls with it: a component of its own), "blank"
-        (nothing is known in it) or, from an Estimator, "prior" (placed by its prior alone).
+        (nothing is known in it), "prior" (placed by what was known of its pose alone) or "pinned".
     probability: that the map lies where T_component_map says, 0..1; 0 for a blank map. Of an ambiguous map:
         that of its most probable place among the others.
     reason: why it stands so, a sentence with its numbers.
@@ -93,8 +96,8 @@ class Mode:
 class Pair:
     """The registration of maps a and b alone: modes, the likeliest first, out of so many candidates.
 
-    status: what would become of these two maps alone: "merged", "ambiguous" or "no evidence". probability:
-        that the first mode is right, 0..1; 0 without one.
+    status: what would become of these two maps alone: "merged", "ambiguous" or "no evidence"; or "forbidden":
+        their match is known to be wrong. probability: that the first mode is right, 0..1; 0 without one.
     decoy_log_likelihood: the best that the mirror image of one map reaches on the other, nats: what chance
         and repetition reach. None when nothing was tried.
     """
@@ -123,7 +126,7 @@ class Component:
     provenance: int32, of the shape of `merged.data`: for each cell the index into `order` of the first map
         that shows what the merged map shows there, -1 where no map knows it. conflicts: bool, of the same
         shape: the conflict_cells. Both None where there is no merged map or nobody counted.
-    in_world: the frame is not that of `reference` but the world of priors, which an Estimator is told of.
+    in_world: the frame is not that of `reference` but the world of priors and pins.
     """
 
     reference: str
@@ -145,7 +148,8 @@ class MergeResult:
     probability: that all of `maps` is right, 0..1. hypotheses: most probable first. pairs: every pair of
         maps.
     components: those of most maps first, blank maps last, one by one.
-    seconds: wall time by stage. config: all options in effect. version: of Mapmeld.
+    seconds: wall time by stage. config: all options in effect. version: of Mapmeld. known: what was known of
+        poses, None where nothing was.
     """
 
     maps: tuple[PlacedMap, ...]
@@ -156,6 +160,7 @@ class MergeResult:
     seconds: Mapping[str, float]
     config: Mapping[str, Any]
     version: str
+    known: Known | None = None
 
     @property
     def order(self) -> tuple[str, ...]:
@@ -207,6 +212,7 @@ class MergeResult:
                     "merged": f"{c.merged.name}.yaml" if c.merged is not None else None,
                     "shared_cells": c.shared_cells,
                     "conflict_cells": c.conflict_cells,
+                    "in_world": c.in_world,
                 }
                 for c in self.components
             ],
@@ -227,6 +233,7 @@ class MergeResult:
             "pairs": [_pair(p) for p in self.pairs],
             "seconds": {stage: _number(s) for stage, s in self.seconds.items()},
             "config": {key: value for key, value in self.config.items() if key != "threads"},
+            "known": None if self.known is None else self.known.to_dict(),
             "seed": self.seed,
             "version": self.version,
         }

@@ -17,6 +17,7 @@ use mapmeld_core::perception::psi::Comparison;
 use mapmeld_core::perception::{gamma, likelihood, placed, psi, Overlay};
 use mapmeld_core::refine;
 use mapmeld_core::registration::{corners as corner_source, correlation, pair, segments};
+use mapmeld_core::result::Known;
 use mapmeld_core::se2::{Se2, Vec2};
 use mapmeld_core::structure::{corners, lines};
 use mapmeld_core::verdict;
@@ -205,6 +206,7 @@ fn travel(c: &mut Criterion) {
         [("walls", PerceptionModel::OrientedWalls), ("psi gamma", PerceptionModel::PsiGamma)]
     {
         let mut config = config.clone();
+        let known = Known::default();
         config.perception.model = model;
         let robot = VirtualRobot {
             maps: &maps,
@@ -212,7 +214,7 @@ fn travel(c: &mut Criterion) {
             open: vec![true; n],
             order: None,
             rung: 0,
-            priors: &[],
+            known: &known,
             parts: None,
             config: &config,
         };
@@ -238,7 +240,7 @@ fn travel(c: &mut Criterion) {
     let rough: Vec<Se2> =
         all.iter().map(|k| pose(*k).compose(&Se2::new(0.03, -0.02, 0.004))).collect();
     c.bench_function("refine 5 maps", |b| {
-        b.iter(|| refine::refine(&maps, &all, black_box(&rough), &[0], &config))
+        b.iter(|| refine::refine(&maps, &all, black_box(&rough), &[0], &Known::default(), &config))
     });
     let placed: Vec<(&OccupancyGrid, Se2)> =
         all.iter().map(|k| (&maps[*k].grid, pose(*k))).collect();

@@ -3,6 +3,7 @@
 
 use crate::grid::OccupancyGrid;
 use crate::registration::{pair, PairModes};
+use crate::relation::Relation;
 use crate::result::{Known, Merge};
 
 /// What a map shows, without its name.
@@ -49,6 +50,16 @@ impl Canonical {
                 [] => Vec::new(),
                 _ => self.order.iter().map(|m| known.priors[*m].clone()).collect(),
             },
+            relations: known
+                .relations
+                .iter()
+                .map(|r| Relation { a: self.place[r.a], b: self.place[r.b], ..r.clone() })
+                .collect(),
+            forbidden: known
+                .forbidden
+                .iter()
+                .map(|(a, b)| (self.place[*a], self.place[*b]))
+                .collect(),
         }
     }
 

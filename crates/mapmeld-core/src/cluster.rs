@@ -14,6 +14,7 @@ use crate::pair_table::PairTable;
 use crate::perception::Overlay;
 use crate::prior::Prior;
 use crate::refine;
+use crate::result::Known;
 use crate::se2::Se2;
 use nalgebra::Matrix3;
 
@@ -59,7 +60,7 @@ impl Cluster {
         maps: &[LocalMap],
         stories: Vec<World>,
         steps: Vec<Step>,
-        priors: &[Option<Prior>],
+        known: &Known,
         config: &Config,
     ) -> Vec<Cluster> {
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability);
@@ -68,7 +69,8 @@ impl Cluster {
         let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
             let alone = members.len() == 1;
-            let refined = refine::refine(maps, &members, &poses, &held(&members, priors), config);
+            let fixed = held(&members, &known.priors);
+            let refined = refine::refine(maps, &members, &poses, &fixed, known, config);
             Cluster {
                 reference: members[0],
                 members,
@@ -87,18 +89,24 @@ impl Cluster {
     }
 
     /// Takes another member's frame.
-    pub fn rebase(&mut self, reference: usize, maps: &[LocalMap], config: &Config) {
+    pub fn rebase(&mut self, reference: usize, maps: &[LocalMap], known: &Known, config: &Config) {
         let Some(k) = self.members.iter().position(|m| *m == reference) else { return };
         let into = self.poses[k].inverse();
         self.poses.iter_mut().for_each(|t| *t = into.compose(t));
         self.poses[k] = Se2::IDENTITY;
-        self.covariances = refine::uncertainty(maps, &self.members, &self.poses, &[k], config);
+        self.covariances =
+            refine::uncertainty(maps, &self.members, &self.poses, &[k], known, config);
         for worlds in [&mut self.worlds, &mut self.stories] {
             let Some(into) = worlds.first().and_then(|w| w.pose(reference)) else { continue };
             let into = into.inverse();
             worlds.iter_mut().flat_map(|w| &mut w.poses).for_each(|(_, t)| *t = into.compose(t));
         }
         self.reference = reference;
+    }
+
+    /// Where a map lies in the cluster; none when it is no member.
+    pub fn pose(&self, map: usize) -> Option<Se2> {
+        self.members.iter().position(|m| *m == map).map(|k| self.poses[k])
     }
 
     /// The members with priors, in their places.
@@ -147,7 +155,7 @@ impl Cluster {
         clusters: &[Cluster],
         worlds: &[World],
         steps: Vec<Step>,
-        priors: &[Option<Prior>],
+        known: &Known,
         config: &Config,
     ) -> Vec<Cluster> {
         if let [World { poses, .. }] = worlds {
@@ -184,7 +192,7 @@ impl Cluster {
         let mut all_steps: Vec<Step> =
             worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
         all_steps.extend(steps);
-        Self::of_travel(maps, joined, all_steps, priors, config)
+        Self::of_travel(maps, joined, all_steps, known, config)
     }
 }
 

@@ -20,6 +20,8 @@ pub enum Status {
     NoEvidence,
     /// Placed by its prior alone.
     Prior,
+    /// Of a pair: its match is known to be wrong.
+    Forbidden,
     /// Nothing is known in it: it can be placed nowhere.
     Blank,
 }
@@ -32,6 +34,7 @@ impl Status {
             Status::Ambiguous => "ambiguous",
             Status::NoEvidence => "no evidence",
             Status::Prior => "prior",
+            Status::Forbidden => "forbidden",
             Status::Blank => "blank",
         }
     }

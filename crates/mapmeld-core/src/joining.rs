@@ -9,6 +9,7 @@ use crate::merge::{judged, travel};
 use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::prior::Prior;
+use crate::relation;
 use crate::result::{Known, Observer, Stage};
 use crate::virtual_robot::{Parts, VirtualRobot};
 
@@ -30,11 +31,16 @@ pub(crate) fn join(
     let Some(merged) = as_maps(lent, cache, clusters, config, observer)? else {
         return Ok(None);
     };
-    let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
+    let relations = relation::of_clusters(clusters, &known.relations);
+    let hints = |a: usize, b: usize| {
+        let told = relations.iter().filter_map(|r| r.between(a, b)?.t_a_b());
+        told.chain(clusters[a].motions(&clusters[b], pairs)).collect()
+    };
     let found = cache.register(&merged, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
-        let pairs = judged(found, 0, &merged.maps, config);
-        travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, observer)
+        let of_clusters = judged(found, 0, &merged.maps, config);
+        let tables = (pairs, &of_clusters);
+        travel_among(maps, &merged.maps, tables, clusters, (known, rung), config, observer)
     });
     cache.give_back(merged);
     joined
@@ -68,7 +74,7 @@ fn as_maps(
 fn travel_among(
     maps: &[LocalMap],
     merged: &[LocalMap],
-    pairs: &PairTable,
+    (of_maps, pairs): (&PairTable, &PairTable),
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
     config: &Config,
@@ -79,8 +85,9 @@ fn travel_among(
     // What members know of their poses tells where their cluster lies.
     let of_cluster = |c: &Cluster| Prior::of_frame(&c.with_priors(&known.priors));
     let priors: Vec<Option<Prior>> = clusters.iter().map(of_cluster).collect();
-    let of_maps = &known.priors;
-    let known = Known { order: first.map(|c| vec![c]), ..Known::default() };
+    let relations = relation::of_clusters(clusters, &known.relations);
+    let order = first.map(|c| vec![c]);
+    let of_clusters = Known { order, priors, relations, ..Known::default() };
     let overlays = parallel::map(clusters, |c| c.overlay(maps));
     let robot = VirtualRobot {
         maps: merged,
@@ -89,16 +96,16 @@ fn travel_among(
         order: None,
         config,
         rung,
-        priors: &priors,
-        parts: Some(Parts { maps, overlays: &overlays }),
+        known: &of_clusters,
+        parts: Some(Parts { maps, overlays: &overlays, known, pairs: of_maps }),
     };
-    let travelled = travel(robot, &known, observer)?;
+    let travelled = travel(robot, &of_clusters, observer)?;
     if travelled.len() == clusters.len() {
         return Ok(None);
     }
     let joined: Vec<Cluster> = travelled
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, of_maps, config))
+        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, known, config))
         .collect();
     // What is split off again has not joined.
     Ok((joined.len() < clusters.len()).then_some(joined))

@@ -16,6 +16,7 @@ use crate::parallel;
 use crate::perception::noise;
 use crate::prior;
 use crate::registration::Registered;
+use crate::relation;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
 use crate::verdict;
@@ -85,12 +86,12 @@ fn run(
         order: known.order.as_deref(),
         config,
         rung,
-        priors: &known.priors,
+        known,
         parts: None,
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, &known.priors, config))
+        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, known, config))
         .collect();
     clock.lap("filter");
 
@@ -100,6 +101,9 @@ fn run(
     {
         clusters = joined;
     }
+    if !known.relations.is_empty() {
+        clusters = relation::tied(clusters, known);
+    }
     if known.priors.iter().any(Option::is_some) {
         clusters = prior::united(clusters, &known.priors);
     }
@@ -108,7 +112,7 @@ fn run(
     // A named reference lends its frame; where the robot starts is for the evidence to say.
     for c in clusters.iter_mut().filter(|c| !c.in_world) {
         if let Some(r) = known.references.iter().find(|r| c.members.contains(r)) {
-            c.rebase(*r, maps, config);
+            c.rebase(*r, maps, known, config);
         }
     }
     clock.lap("join");
@@ -153,10 +157,13 @@ pub(crate) fn registered(
     config: &Config,
     observer: Observer,
 ) -> Result<Found> {
-    let (found, fresh) = cache.register(lent, prior_hints(known), config, observer)?;
+    let (found, fresh) = cache.register(lent, hints(known), config, observer)?;
     let maps = lent.maps.as_slice();
-    let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
-    let pairs = judged(found, rung, maps, config);
+    let (forbidden, told): (Vec<_>, Vec<_>) =
+        found.into_iter().partition(|f| known.is_forbidden(f.a, f.b));
+    let rung = noise::how_bent(&told, &maps.iter().collect::<Vec<_>>());
+    let mut pairs = judged(told.into_iter().chain(forbidden).collect(), rung, maps, config);
+    pairs.forbid(|a, b| known.is_forbidden(a, b));
     let perception = config.perception.rungs().swap_remove(rung);
     Ok(Found { pairs, rung, config: Config { perception, ..config.clone() }, fresh })
 }
@@ -243,12 +250,14 @@ fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
     pinned.or(first).or_else(strongest)
 }
 
-/// Where priors say that two maps lie to each other.
-fn prior_hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
+/// Where priors and relations say that two maps lie to each other.
+fn hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
     let prior = |m: usize| known.priors.get(m).and_then(Option::as_ref);
-    move |a, b| match (prior(a), prior(b)) {
-        (Some(a), Some(b)) => vec![a.t_world_map.between(&b.t_world_map)],
-        _ => Vec::new(),
+    move |a, b| {
+        let both = prior(a).zip(prior(b));
+        let of_priors = both.map(|(a, b)| a.t_world_map.between(&b.t_world_map));
+        let of_relations = known.relations.iter().filter_map(|r| r.between(a, b)?.t_a_b());
+        of_priors.into_iter().chain(of_relations).collect()
     }
 }
 
@@ -260,6 +269,7 @@ fn check_known(known: &Known, n: usize) -> Result<()> {
     if !known.priors.is_empty() && known.priors.len() != n {
         return fail("priors", format!("{} of them for {n} maps", known.priors.len()));
     }
+    relation::check(known, n)?;
     if let Some(order) = &known.order {
         let mut seen = vec![false; n];
         for m in order {

@@ -1,8 +1,9 @@
 //! The modes of all pairs: the virtual robot's odometry.
 
+use crate::evidence::Status;
 use crate::registration::pair::inverse;
-use crate::registration::PairModes;
-use crate::se2::Se2;
+use crate::registration::{PairModes, SAME_WORLD};
+use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 
 /// The modes of all pairs, found by either order of their maps.
@@ -29,14 +30,38 @@ impl PairTable {
         self.pairs
     }
 
+    /// Pairs whose match is wrong: their modes are told no more.
+    pub fn forbid(&mut self, is_forbidden: impl Fn(usize, usize) -> bool) {
+        for p in self.pairs.iter_mut().filter(|p| is_forbidden(p.a, p.b)) {
+            (p.status, p.probability) = (Status::Forbidden, 0.0);
+        }
+    }
+
+    fn allowed(&self, a: usize, b: usize) -> Option<&PairModes> {
+        let k = self.at[a.min(b) * self.n + a.max(b)]?;
+        Some(&self.pairs[k as usize]).filter(|p| p.status != Status::Forbidden)
+    }
+
+    /// Whether `T_a_b` is where the walls of a forbidden pair match best. `center` is that of map b.
+    pub fn is_refused(&self, a: usize, b: usize, t_a_b: &Se2, center: Vec2) -> bool {
+        let Some(k) = self.at[a.min(b) * self.n + a.max(b)] else { return false };
+        let p = &self.pairs[k as usize];
+        let best = p.found.modes.first().filter(|_| p.status == Status::Forbidden);
+        best.is_some_and(|m| {
+            let t = if a == p.a { m.t_a_b } else { m.t_a_b.inverse() };
+            let (distance, angle) = SAME_WORLD;
+            m.evidence.log_likelihood > 0.0 && t_a_b.is_close_at(&t, center, distance, angle)
+        })
+    }
+
     /// Modes of `T_a_b`: transform, covariance, log-likelihood. Most likely first.
     pub fn modes(&self, a: usize, b: usize) -> Vec<(Se2, Matrix3<f64>, f64)> {
-        let (lo, hi) = (a.min(b), a.max(b));
-        let Some(k) = self.at[lo * self.n + hi] else { return Vec::new() };
-        let modes = self.pairs[k as usize].found.modes.iter();
+        let Some(pair) = self.allowed(a, b) else { return Vec::new() };
+        let modes = pair.found.modes.iter();
         modes
             .map(|m| {
-                let (t, covariance) = if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
+                let (t, covariance) =
+                    if a == pair.a { (m.t_a_b, m.covariance) } else { inverse(m) };
                 (t, covariance, m.evidence.log_likelihood)
             })
             .collect()
@@ -51,7 +76,6 @@ impl PairTable {
 
     /// Log-likelihood of the best mode of a pair; none without a mode.
     pub fn best(&self, a: usize, b: usize) -> Option<f64> {
-        let k = self.at[a.min(b) * self.n + a.max(b)]?;
-        self.pairs[k as usize].found.modes.first().map(|m| m.evidence.log_likelihood)
+        self.allowed(a, b)?.found.modes.first().map(|m| m.evidence.log_likelihood)
     }
 }

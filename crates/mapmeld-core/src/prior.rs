@@ -12,9 +12,9 @@ use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
 /// Squared Mahalanobis distance beyond which a pose contradicts a prior: four standard deviations.
-const CONTRADICTS: f64 = 16.0;
+pub(crate) const CONTRADICTS: f64 = 16.0;
 /// How exact poses that walls find are taken to be at best, metres and radians.
-const WALLS: (f64, f64) = (0.05, 0.01);
+pub(crate) const WALLS: (f64, f64) = (0.05, 0.01);
 /// Standard deviation of a pinned pose, metres and radians.
 const PINNED: f64 = 1e-6;
 
@@ -142,7 +142,16 @@ pub fn united(clusters: Vec<Cluster>, priors: &[Option<Prior>]) -> Vec<Cluster> 
         }
     }
     tied.sort_by_key(|(c, _)| std::cmp::Reverse(c.members.len()));
-    let Some(((first, _), rest)) = tied.split_first() else { return free };
+    if !tied.is_empty() {
+        free.push(Cluster { in_world: true, ..gathered(&tied, priors) });
+    }
+    free
+}
+
+/// Clusters, at least one, as one, each where its frame lies in that of all; pinned maps exactly where they are
+/// pinned.
+pub fn gathered(tied: &[(Cluster, Prior)], priors: &[Option<Prior>]) -> Cluster {
+    let ((first, _), rest) = tied.split_first().expect("at least one cluster");
     let mut world = Cluster {
         reference: first.reference,
         members: Vec::new(),
@@ -157,13 +166,13 @@ pub fn united(clusters: Vec<Cluster>, priors: &[Option<Prior>]) -> Vec<Cluster> 
             .chain(rest.iter().map(|(c, _)| c))
             .flat_map(|c| c.steps.clone())
             .collect(),
-        in_world: true,
+        in_world: false,
         by_prior: Vec::new(),
     };
-    for (c, frame) in &tied {
+    for (c, frame) in tied {
         for ((m, t), covariance) in c.members.iter().zip(&c.poses).zip(&c.covariances) {
             let (mut pose, mut covariance) = frame.place(t, covariance);
-            if let Some(pin) = priors[*m].as_ref().filter(|p| p.is_pinned) {
+            if let Some(pin) = priors.get(*m).and_then(Option::as_ref).filter(|p| p.is_pinned) {
                 (pose, covariance) = (pin.t_world_map, Matrix3::zeros());
             }
             world.members.push(*m);
@@ -182,8 +191,7 @@ pub fn united(clusters: Vec<Cluster>, priors: &[Option<Prior>]) -> Vec<Cluster> 
         }
     }
     world.stories = world.worlds.clone();
-    free.push(world);
-    free
+    world
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::likelihood;
 use crate::registration::climb::robust_weight;
+use crate::result::Known;
 use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 
@@ -50,17 +51,19 @@ struct Normal {
     weight: f64,
 }
 
-/// Refines the poses of `members` (indices into `maps`); those at the positions `held` stay.
+/// Refines the poses of `members` (indices into `maps`); those at the positions `held` stay. Walls of forbidden
+/// pairs do not pull at each other.
 pub fn refine(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
     held: &[usize],
+    known: &Known,
     config: &Config,
 ) -> Refined {
     let n = members.len();
     let mut poses = poses.to_vec();
-    let edges = overlapping(maps, members, &poses, config);
+    let edges = overlapping(maps, members, &poses, known, config);
     let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let narrow =
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
@@ -101,9 +104,10 @@ pub fn uncertainty(
     members: &[usize],
     poses: &[Se2],
     held: &[usize],
+    known: &Known,
     config: &Config,
 ) -> Vec<Matrix3<f64>> {
-    let edges = overlapping(maps, members, poses, config);
+    let edges = overlapping(maps, members, poses, known, config);
     let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let narrow =
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
@@ -116,10 +120,12 @@ fn overlapping(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
+    known: &Known,
     config: &Config,
 ) -> Vec<(usize, usize)> {
+    let every = (0..members.len()).flat_map(|i| (i + 1..members.len()).map(move |j| (i, j)));
     let all: Vec<(usize, usize)> =
-        (0..members.len()).flat_map(|i| (i + 1..members.len()).map(move |j| (i, j))).collect();
+        every.filter(|(i, j)| !known.is_forbidden(members[*i], members[*j])).collect();
     let perception = config.perception.rigid();
     let keep = parallel::map(&all, |(i, j)| {
         let (a, b) = (&maps[members[*i]], &maps[members[*j]]);

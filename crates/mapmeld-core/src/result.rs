@@ -6,6 +6,7 @@ use crate::filter::Step;
 use crate::fuse::Fused;
 use crate::prior::Prior;
 use crate::registration::PairModes;
+use crate::relation::Relation;
 use crate::se2::Se2;
 use nalgebra::Matrix3;
 
@@ -19,6 +20,18 @@ pub struct Known {
     /// What is known of each map's pose in one world; empty when nothing is. Components with such maps are one, in
     /// that world, and no reference lends it its frame.
     pub priors: Vec<Option<Prior>>,
+    /// Where two maps lie to each other, as far as it is known.
+    pub relations: Vec<Relation>,
+    /// Pairs whose match is wrong, whatever their walls say: these walls are no evidence of how the two lie to each
+    /// other, and nothing places the two where they match best.
+    pub forbidden: Vec<(usize, usize)>,
+}
+
+impl Known {
+    /// Whether the match of two maps is wrong.
+    pub fn is_forbidden(&self, a: usize, b: usize) -> bool {
+        self.forbidden.iter().any(|(x, y)| (*x, *y) == (a, b) || (*x, *y) == (b, a))
+    }
 }
 
 /// Where a map ended up.

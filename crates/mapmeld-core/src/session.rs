@@ -12,6 +12,7 @@ use crate::merge;
 use crate::parallel;
 use crate::result::{Known, Merge, Observer};
 use crate::se2::Se2;
+use crate::snap::{self, Snap};
 use crate::standing::{self, Answer, Question};
 
 struct Seen {
@@ -87,6 +88,18 @@ impl Session {
     ) -> Result<Vec<Answer>> {
         let grids: Vec<Noted> = self.maps.iter().map(|m| (&m.grid, m.digest)).collect();
         standing::answers(&mut self.cache, &grids, known, &self.config, questions, observer)
+    }
+
+    /// Where some maps come to rest when they are let go near others, see [`snap::Snap`]; indices are those of
+    /// [`Session::names`].
+    pub fn snap(
+        &mut self,
+        question: &Question,
+        decoy: f64,
+        observer: Observer,
+    ) -> Result<Option<Snap>> {
+        let grids: Vec<Noted> = self.maps.iter().map(|m| (&m.grid, m.digest)).collect();
+        snap::snap(&mut self.cache, &grids, question, decoy, &self.config, observer)
     }
 
     /// One map of some of the maps at poses `T_frame_map`, see [`fuse::fuse`].

@@ -6,13 +6,17 @@
 
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
+use crate::forbidden;
 use crate::local_map::LocalMap;
 use crate::pair_table::PairTable;
+use crate::perception::placed::{self, Placed};
 use crate::perception::psi::Comparison;
-use crate::perception::{gamma, placed, pool, psi, Overlay, WallEvidence};
+use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
 use crate::prior::{self, Fit, Prior};
 use crate::registration::pair::log_search_volume;
 use crate::registration::{climb, SAME_WORLD};
+use crate::relation::Relation;
+use crate::result::Known;
 use crate::se2::Se2;
 use crate::verdict::{self, Background};
 use nalgebra::{Matrix3, Vector3};
@@ -54,8 +58,8 @@ pub struct VirtualRobot<'a> {
     pub config: &'a Config,
     /// Which degree of bending that is, 0 the finest.
     pub rung: usize,
-    /// What is known of each map's pose in one world; empty when nothing is.
-    pub priors: &'a [Option<Prior>],
+    /// What is known of the maps' poses.
+    pub known: &'a Known,
     /// What the maps are merged of, when they are merged maps themselves.
     pub parts: Option<Parts<'a>>,
 }
@@ -66,6 +70,10 @@ pub struct Parts<'a> {
     pub maps: &'a [LocalMap],
     /// For each merged map, its local maps in its own frame.
     pub overlays: &'a [Overlay],
+    /// What is known of the local maps.
+    pub known: &'a Known,
+    /// Their registration.
+    pub pairs: &'a PairTable,
 }
 
 impl VirtualRobot<'_> {
@@ -83,21 +91,44 @@ impl VirtualRobot<'_> {
 
     /// What is known of a map's pose.
     pub fn prior(&self, map: usize) -> Option<&Prior> {
-        self.priors.get(map).and_then(Option::as_ref)
+        self.known.priors.get(map).and_then(Option::as_ref)
     }
 
-    /// How a map's prior takes its poses in the frame of some placed maps; none where priors say nothing.
+    /// How what is known of a map takes its poses in the frame of some placed maps; none where nothing is. Of
+    /// several that tell of it the strongest counts, since they may tell the same; none may be contradicted.
     fn prior_fit<'s>(
         &'s self,
         placed: &[(usize, Se2)],
         map: usize,
     ) -> Option<impl Fn(&Se2, &Matrix3<f64>) -> Option<Fit> + 's> {
-        let prior = self.prior(map)?;
         let known = placed.iter().filter_map(|(m, t)| Some((*t, self.prior(*m)?)));
-        let frame = Prior::of_frame(&known.collect::<Vec<_>>())?;
+        let of_prior = self
+            .prior(map)
+            .and_then(|prior| Some((prior, Prior::of_frame(&known.collect::<Vec<_>>())?)));
+        let relations = &self.known.relations;
+        let to_map = |(m, t): &(usize, Se2)| {
+            let (m, t) = (*m, *t);
+            relations.iter().filter_map(move |r| Some((t, r.between(m, map)?)))
+        };
+        let of_relations: Vec<(Se2, Relation)> = placed.iter().flat_map(to_map).collect();
+        if of_prior.is_none() && of_relations.is_empty() {
+            return None;
+        }
         let volume = |(m, _): &(usize, Se2)| log_search_volume(&self.maps[*m], &self.maps[map]);
         let volume = placed.iter().map(volume).fold(0.0, f64::max);
-        Some(move |t: &Se2, covariance: &Matrix3<f64>| prior.fit(&frame, t, covariance, volume))
+        Some(move |t: &Se2, covariance: &Matrix3<f64>| {
+            let mut best = Fit { log_odds: f64::NEG_INFINITY, pose: *t };
+            if let Some((prior, frame)) = &of_prior {
+                best = prior.fit(frame, t, covariance, volume)?;
+            }
+            for (x_i, relation) in &of_relations {
+                let own = x_i.inverse().transport_covariance(covariance);
+                let fit = relation.fit(&x_i.between(&best.pose), &own, volume)?;
+                let log_odds = fit.log_odds.max(best.log_odds);
+                best = Fit { log_odds, pose: x_i.compose(&fit.pose) };
+            }
+            Some(best)
+        })
     }
 
     fn fold(&self, merged: &Overlay, map: usize, t_world_map: Se2, probability: f64) -> Overlay {
@@ -148,14 +179,38 @@ impl VirtualRobot<'_> {
     fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
         let p = &self.config.perception;
         let Some(parts) = &self.parts else {
-            return (x, placed::against(self.maps, merged, map, &x, p));
+            return (x, forbidden::against(self.maps, merged, map, &x, self.known, p));
         };
-        let of = |map: usize, x: &Se2| parts.overlays[map].placed(parts.maps, x);
-        let placed: Vec<_> = merged.layers().flat_map(|l| of(l.map, &l.t_world_map)).collect();
-        let own = of(map, &Se2::IDENTITY);
+        let of = |map: usize, x: &Se2| forbidden::members(&parts.overlays[map], parts.maps, x);
+        let placed = merged.layers().flat_map(|l| of(l.map, &l.t_world_map)).collect();
+        let (placed, own) = forbidden::evidence(placed, of(map, &Se2::IDENTITY), parts.known);
         let most = self.config.registration.max_iterations;
         let x = climb::climb_group(&placed, &own, &x, most, p).unwrap_or(x);
-        (x, placed::between(&placed, &of(map, &x), p))
+        let moved = own.iter().map(|m| Placed { t_world_map: x.compose(&m.t_world_map), ..*m });
+        let moved: Vec<Placed> = moved.collect();
+        (x, placed::between(&placed, &moved, p))
+    }
+
+    /// Whether a pose puts two maps where their walls match best although that match is wrong.
+    fn is_refused(&self, merged: &Overlay, map: usize, x: &Se2) -> bool {
+        let placed = || merged.layers().map(|l| (l.map, l.t_world_map));
+        match &self.parts {
+            None if self.known.forbidden.is_empty() => false,
+            Some(parts) if parts.known.forbidden.is_empty() => false,
+            None => {
+                let below: Vec<_> = placed().collect();
+                forbidden::is_refused(&below, &[(map, *x)], self.pairs, self.maps)
+            }
+            Some(parts) => {
+                let of = |(map, x): (usize, Se2)| {
+                    let layers = parts.overlays[map].layers();
+                    layers.map(move |l| (l.map, x.compose(&l.t_world_map)))
+                };
+                let (below, own): (Vec<_>, Vec<_>) =
+                    (placed().flat_map(of).collect(), of((map, *x)).collect());
+                forbidden::is_refused(&below, &own, parts.pairs, parts.maps)
+            }
+        }
     }
 
     /// Perception model (paper, section 4) of the poses at which a map may lie; none when the evidence does
@@ -170,6 +225,9 @@ impl VirtualRobot<'_> {
         let mut seen: Vec<(Se2, Matrix3<f64>, WallEvidence)> = Vec::new();
         for (_, x, covariance) in motions {
             let (x, evidence) = self.look(merged, map, x);
+            if self.is_refused(merged, map, &x) {
+                continue;
+            }
             // Motions that led to the same place are one.
             let (distance, angle) = SAME_WORLD;
             if !seen.iter().any(|(y, ..)| x.is_close_at(y, center, distance, angle)) {

@@ -6,6 +6,7 @@ use common::{any_frame, apart, office, rng, Plan};
 use mapmeld_core::config::Config;
 use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::refine::{refine, Refined};
+use mapmeld_core::result::Known;
 use mapmeld_core::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 use rand::Rng;
@@ -75,7 +76,7 @@ fn perturbed_poses_come_back() {
         let (truth, off) = perturbed(&mut rng, &maps, &frames, anchor);
         assert!(worst(&maps, &off, &truth).0 > 0.05, "nothing to refine");
         let members: Vec<usize> = (0..n).collect();
-        let r = refine(&maps, &members, &off, &[anchor], &Config::default());
+        let r = refine(&maps, &members, &off, &[anchor], &Known::default(), &Config::default());
         let (metres, degrees) = worst(&maps, &r.poses, &truth);
         assert!(metres < 0.3 * CELL, "seed {seed}: {:.2} cells off", metres / CELL);
         assert!(degrees < 0.15, "seed {seed}: {degrees:.3} degrees off");
@@ -99,7 +100,7 @@ fn members_are_looked_up_in_the_list_of_maps() {
     let (truth, off) = perturbed(&mut rng, &maps, &frames, 1);
     let members = [3, 1, 2];
     let chosen = |poses: &[Se2]| members.map(|m| poses[m]).to_vec();
-    let r = refine(&maps, &members, &chosen(&off), &[1], &Config::default());
+    let r = refine(&maps, &members, &chosen(&off), &[1], &Known::default(), &Config::default());
     let truth = chosen(&truth);
     for (k, m) in members.iter().enumerate() {
         let (metres, _) = apart(&r.poses[k], &truth[k], maps[*m].center.unwrap());
@@ -120,7 +121,17 @@ fn corridor(angle: f64) -> (Se2, Refined) {
     };
     let maps = [draw(Se2::new(0.0, 0.0, -angle)), draw(Se2::new(1.0, 0.5, 0.8))];
     let truth = Se2::new(0.0, 0.0, -angle).between(&Se2::new(1.0, 0.5, 0.8));
-    (truth, refine(&maps, &[0, 1], &[Se2::IDENTITY, truth], &[0], &Config::default()))
+    (
+        truth,
+        refine(
+            &maps,
+            &[0, 1],
+            &[Se2::IDENTITY, truth],
+            &[0],
+            &Known::default(),
+            &Config::default(),
+        ),
+    )
 }
 
 #[test]
@@ -148,12 +159,19 @@ fn without_common_walls_nothing_moves() {
     let mut rng = rng(40);
     let (maps, frames) = robots(&mut rng, 2);
     let far = [Se2::IDENTITY, frames[0].between(&frames[1]).compose(&Se2::new(70.0, 0.0, 0.0))];
-    let r = refine(&maps, &[0, 1], &far, &[0], &Config::default());
+    let r = refine(&maps, &[0, 1], &far, &[0], &Known::default(), &Config::default());
     assert_eq!(r.poses, far);
     assert!(r.rms.is_none());
     assert!(is_covariance(&r.covariances[1]) && r.covariances[1][(0, 0)] > 25.0);
 
-    let alone = refine(&maps, &[1], &[Se2::new(1.0, 2.0, 3.0)], &[0], &Config::default());
+    let alone = refine(
+        &maps,
+        &[1],
+        &[Se2::new(1.0, 2.0, 3.0)],
+        &[0],
+        &Known::default(),
+        &Config::default(),
+    );
     assert_eq!(alone.poses, [Se2::new(1.0, 2.0, 3.0)]);
     assert_eq!(alone.covariances, [Matrix3::zeros()]);
 }

@@ -2,6 +2,7 @@
 
 mod convert;
 mod fuse;
+mod known;
 mod local_map;
 mod merge;
 mod session;

@@ -1,8 +1,10 @@
 //! The merge as Python calls it.
 
 use crate::convert;
+use crate::known::{known, GivenPrior, GivenRelation};
 use crate::local_map::mode;
 use crate::watch::{watched, Tell};
+use mapmeld_core::error::Error;
 use mapmeld_core::merge::merge as core_merge;
 use mapmeld_core::result::{Known, Merge};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
@@ -12,9 +14,12 @@ use pyo3::types::{PyDict, PyList};
 type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
 /// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
-/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C.
+/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C. Priors, relations
+/// and forbidden pairs name maps: see `known`.
 #[pyfunction]
-#[pyo3(signature = (maps, config, order=None, reference=None, progress=None))]
+#[pyo3(signature = (maps, config, order=None, reference=None, progress=None, priors=vec![], relations=vec![],
+    forbidden=vec![]))]
+#[allow(clippy::too_many_arguments)] // Python's keywords
 pub fn merge<'py>(
     py: Python<'py>,
     maps: Vec<Given<'py>>,
@@ -22,14 +27,23 @@ pub fn merge<'py>(
     order: Option<Vec<usize>>,
     reference: Option<usize>,
     progress: Option<Py<PyAny>>,
+    priors: Vec<GivenPrior>,
+    relations: Vec<GivenRelation>,
+    forbidden: Vec<(String, String)>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let config = convert::config(config)?;
     let grids = maps
         .into_iter()
         .map(|(name, data, resolution, origin)| convert::grid(name, &data, resolution, origin))
         .collect::<PyResult<Vec<_>>>()?;
+    let index = |name: &str| {
+        let missing =
+            || Error::Config { key: "known".into(), problem: format!("no map is {name}") };
+        grids.iter().position(|g| g.name() == name).ok_or_else(missing)
+    };
+    let told = known(grids.len(), index, &priors, &relations, &forbidden);
     let references = reference.into_iter().collect();
-    let known = Known { order, references, ..Known::default() };
+    let known = Known { order, references, ..told.map_err(convert::to_py_err)? };
     let work = move |tell: Tell| core_merge(grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
     let found = watched(py, progress, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)

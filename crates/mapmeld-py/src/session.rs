@@ -1,10 +1,11 @@
 //! The session as Python holds it.
 
 use crate::convert;
+use crate::known::{known, GivenPrior, GivenRelation};
+use crate::local_map::evidence;
 use crate::merge::to_dict;
 use crate::watch::{watched, Tell};
 use mapmeld_core::error::Error;
-use mapmeld_core::prior::Prior;
 use mapmeld_core::result::Known;
 use mapmeld_core::standing::Question;
 use mapmeld_core::Session as CoreSession;
@@ -21,29 +22,6 @@ type Asked = (Vec<Placed>, Vec<Placed>, Vec<[f64; 3]>);
 
 /// Each place's probability and the first place that is the same, and the probability of the best other place.
 type Weighed = (Vec<(f64, usize)>, f64);
-
-/// A map, its T_world_map, and standard deviations; none where it is pinned.
-type GivenPrior = (String, [f64; 3], Option<[f64; 3]>);
-
-fn known(
-    session: &CoreSession,
-    references: &[String],
-    priors: &[GivenPrior],
-) -> Result<Known, Error> {
-    let references = references.iter().map(|n| session.index(n)).collect::<Result<_, _>>()?;
-    let mut known = Known { references, ..Known::default() };
-    if !priors.is_empty() {
-        known.priors = vec![None; session.names().len()];
-    }
-    for (name, t_world_map, sigma) in priors {
-        let t_world_map = convert::pose(*t_world_map);
-        known.priors[session.index(name)?] = Some(match sigma {
-            Some(sigma) => Prior::new(t_world_map, *sigma),
-            None => Prior::pinned(t_world_map),
-        });
-    }
-    Ok(known)
-}
 
 /// Maps that come, change and go. Calls wait for one another: a merge that was left early ends with its piece of
 /// work first.
@@ -94,19 +72,25 @@ impl Session {
     }
 
     /// Merges the maps as they are; `progress` as in merge. References are names of maps, those that shall lend
-    /// their frames first; priors are (name, T_world_map, standard deviations, or none where it is pinned).
-    #[pyo3(signature = (references, priors, progress=None))]
+    /// their frames first; priors, relations and forbidden pairs: see `known`.
+    #[pyo3(signature = (references, priors, progress=None, relations=vec![], forbidden=vec![]))]
     fn merge<'py>(
         &self,
         py: Python<'py>,
         references: Vec<String>,
         priors: Vec<GivenPrior>,
         progress: Option<Py<PyAny>>,
+        relations: Vec<GivenRelation>,
+        forbidden: Vec<(String, String)>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let session = Arc::clone(&self.0);
         let work = move |tell: Tell| {
             let mut session = locked(&session);
-            let known = known(&session, &references, &priors)?;
+            let index = |name: &str| session.index(name);
+            let told = known(session.names().len(), index, &priors, &relations, &forbidden)?;
+            let references =
+                references.iter().map(|n| session.index(n)).collect::<Result<_, _>>()?;
+            let known = Known { references, ..told };
             session.merge(&known, &|s, d, t| tell.tell(s, d, t))
         };
         let found = watched(py, progress, work)?;
@@ -127,7 +111,8 @@ impl Session {
         let session = Arc::clone(&self.0);
         let work = move |tell: Tell| {
             let mut session = locked(&session);
-            let known = known(&session, &[], &priors)?;
+            let index = |name: &str| session.index(name);
+            let known = known(session.names().len(), index, &priors, &[], &[])?;
             let placed = |maps: &[Placed]| -> Result<Vec<_>, Error> {
                 maps.iter().map(|(n, t)| Ok((session.index(n)?, convert::pose(*t)))).collect()
             };
@@ -140,6 +125,32 @@ impl Session {
         };
         let answers = watched(py, progress, work)?.map_err(convert::to_py_err)?;
         Ok(answers.into_iter().map(|a| (a.places, a.rival)).collect())
+    }
+
+    /// Where some maps come to rest when they are let go at `start` (T_base_moved) near others: the pose, its
+    /// probability and what the walls say, see the core's snap. None where no walls meet.
+    #[pyo3(signature = (base, moved, start, decoy=0.0))]
+    fn snap<'py>(
+        &self,
+        py: Python<'py>,
+        base: Vec<Placed>,
+        moved: Vec<Placed>,
+        start: [f64; 3],
+        decoy: f64,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let found = self.with(py, |s| {
+            let placed = |maps: &[Placed]| -> Result<Vec<_>, Error> {
+                maps.iter().map(|(n, t)| Ok((s.index(n)?, convert::pose(*t)))).collect()
+            };
+            let (base, moved) = (placed(&base)?, placed(&moved)?);
+            let places = vec![convert::pose(start)];
+            s.snap(&Question { base, moved, places }, decoy, &|_, _, _| true)
+        });
+        let Some(found) = found.map_err(convert::to_py_err)? else { return Ok(None) };
+        let out = evidence(py, &found.evidence)?;
+        out.set_item("T_base_moved", found.t_base_moved.to_array())?;
+        out.set_item("probability", found.probability)?;
+        Ok(Some(out))
     }
 
     /// One map of some of the maps at poses T_frame_map, the first of which draws the walls.

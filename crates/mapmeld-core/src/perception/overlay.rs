@@ -29,6 +29,14 @@ pub struct Layer {
     below: Overlay,
 }
 
+impl Layer {
+    /// The map with its new samples, in its place.
+    pub fn placed<'a>(&'a self, maps: &'a [LocalMap]) -> Placed<'a> {
+        let samples = Some(self.new_samples.as_slice());
+        Placed { map: &maps[self.map], t_world_map: self.t_world_map, samples }
+    }
+}
+
 /// A merged map: the empty one, or a layer on top of another merged map. Cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Overlay(Option<Arc<Layer>>);

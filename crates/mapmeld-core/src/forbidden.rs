@@ -1,0 +1,75 @@
+//! Pairs whose match is known to be wrong: which walls are no evidence then, and where no map may lie.
+
+use crate::config::PerceptionConfig;
+use crate::local_map::LocalMap;
+use crate::pair_table::PairTable;
+use crate::perception::placed::{self, Placed};
+use crate::perception::{Layer, Overlay, WallEvidence};
+use crate::result::Known;
+use crate::se2::Se2;
+
+/// A map's index, and the map at its place.
+pub(crate) type Member<'m> = (usize, Placed<'m>);
+
+/// The maps that a merged map is made of, in a frame given by `t_frame_merged`.
+pub(crate) fn members<'m>(
+    merged: &'m Overlay,
+    maps: &'m [LocalMap],
+    t_frame_merged: &Se2,
+) -> Vec<Member<'m>> {
+    merged.layers().map(|l| l.map).zip(merged.placed(maps, t_frame_merged)).collect()
+}
+
+/// Those of two groups of maps whose walls are evidence of how the groups lie to each other: without the maps that a
+/// forbidden pair has in one of them, in that which loses the smaller share.
+pub(crate) fn evidence<'m>(
+    a: Vec<Member<'m>>,
+    b: Vec<Member<'m>>,
+    known: &Known,
+) -> (Vec<Placed<'m>>, Vec<Placed<'m>>) {
+    let without = |these: &[Member<'m>], those: &[Member<'m>]| {
+        let is_free = |m: usize| !those.iter().any(|(o, _)| known.is_forbidden(m, *o));
+        let kept = these.iter().filter(|(m, _)| is_free(*m));
+        kept.map(|(_, p)| *p).collect::<Vec<_>>()
+    };
+    let (few_a, few_b) = (without(&a, &b), without(&b, &a));
+    let all = |these: Vec<Member<'m>>| these.into_iter().map(|(_, p)| p).collect();
+    if few_a.len() * b.len() >= few_b.len() * a.len() {
+        (few_a, all(b))
+    } else {
+        (all(a), few_b)
+    }
+}
+
+/// Evidence of a map against a merged map, as [`placed::against`], from walls that may be.
+pub(crate) fn against(
+    maps: &[LocalMap],
+    merged: &Overlay,
+    map: usize,
+    t_world_map: &Se2,
+    known: &Known,
+    config: &PerceptionConfig,
+) -> WallEvidence {
+    if known.forbidden.is_empty() {
+        return placed::against(maps, merged, map, t_world_map, config);
+    }
+    let is_evidence = |l: &&Layer| !known.is_forbidden(l.map, map);
+    let others: Vec<Placed> = merged.layers().filter(is_evidence).map(|l| l.placed(maps)).collect();
+    let own = Placed { map: &maps[map], t_world_map: *t_world_map, samples: None };
+    placed::between(&others, &[own], config)
+}
+
+/// Whether two groups in one frame have a forbidden pair across where its walls match best.
+pub(crate) fn is_refused(
+    a: &[(usize, Se2)],
+    b: &[(usize, Se2)],
+    pairs: &PairTable,
+    maps: &[LocalMap],
+) -> bool {
+    a.iter().any(|(i, x_i)| {
+        b.iter().any(|(j, x_j)| {
+            let center = maps[*j].center.unwrap_or_default();
+            pairs.is_refused(*i, *j, &x_i.between(x_j), center)
+        })
+    })
+}

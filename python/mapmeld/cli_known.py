@@ -1,0 +1,79 @@
+"""What the command line is told of maps: --session, --prior, --pin, --points, --forbid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mapmeld.known import Known
+    from mapmeld.session_file import Session
+
+PRIOR_HELP = "Pose of a map in the world and its standard deviations, metres and radians; may be repeated."
+PIN_HELP = "Pose of a map in the world that is exact, metres and radians; may be repeated."
+POINTS_HELP = "Places that maps A and B both show, x and y in each, metres; may be repeated."
+FORBID_HELP = "Two maps whose match is wrong; may be repeated."
+SESSION_HELP = "A session.json, as `mapmeld studio` saves it: its pins, points and options count."
+
+
+def read_session_option(path: Path | None) -> Session | None:
+    """The session at the path, if one is given."""
+    from mapmeld.session_file import read_session
+
+    return None if path is None else read_session(path)
+
+
+def gather_known(
+    session: Session | None,
+    priors: Sequence[str] | None,
+    pins: Sequence[str] | None,
+    points: Sequence[str] | None,
+    forbidden: Sequence[str] | None,
+) -> Known:
+    """What the options say, on top of the session. Raises MapmeldError, naming the option."""
+    from mapmeld.estimate import Prior
+    from mapmeld.known import Known, SamePoints
+
+    base = Known() if session is None else session.known
+    told_priors, told_pins = dict(base.priors), dict(base.pins)
+    same, pairs = list(base.same_points), list(base.forbidden)
+    for text in priors or []:
+        name, n = _numbers("--prior", text, "NAME=X,Y,THETA,SX,SY,STHETA", lambda k: k == 6)
+        told_priors[name] = Prior(n[:3], n[3:])
+    for text in pins or []:
+        name, n = _numbers("--pin", text, "NAME=X,Y,THETA", lambda k: k == 3)
+        told_pins[name] = (n[0], n[1], n[2])
+    for text in points or []:
+        form = "A,B=XA,YA,XB,YB,..."
+        both, n = _numbers("--points", text, form, lambda k: k > 0 and k % 4 == 0)
+        a, b = _two("--points", both, form)
+        four = [n[k : k + 4] for k in range(0, len(n), 4)]
+        same.append(SamePoints(a, b, tuple(((x, y), (u, v)) for x, y, u, v in four)))
+    pairs += [_two("--forbid", text, "A,B") for text in forbidden or []]
+    return Known(told_priors, told_pins, tuple(same), tuple(pairs))
+
+
+def _numbers(flag: str, text: str, form: str, fits: Any) -> tuple[str, list[float]]:
+    from mapmeld.errors import MapmeldError
+    from mapmeld.map_yaml import one_line
+
+    name, sign, values = text.rpartition("=")
+    try:
+        numbers = [float(v) for v in values.split(",")]
+    except ValueError:
+        numbers = []
+    if not name or not sign or not fits(len(numbers)) or not all(map(math.isfinite, numbers)):
+        raise MapmeldError(one_line(f"{flag} {text}: must be {form}"))
+    return name, numbers
+
+
+def _two(flag: str, text: str, form: str) -> tuple[str, str]:
+    from mapmeld.errors import MapmeldError
+    from mapmeld.map_yaml import one_line
+
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or not all(names):
+        raise MapmeldError(one_line(f"{flag} {text}: must be {form}, names of two maps"))
+    return names[0], names[1]

@@ -1,0 +1,340 @@
+// The page: puts the bench, the scene and the panel together.
+
+import { Bench } from './bench.js';
+import { Corners } from './corners.js';
+import { listenToKeys } from './keys.js';
+import { overlay } from './overlay.js';
+import { hint, say, show, showPairs, showScore } from './panel.js';
+import { Picture, surface } from './pictures.js';
+import { listenToPointer } from './pointer.js';
+import { apply, compose, inverse, turned } from './poses.js';
+import { boxOf, corners, Scene } from './scene.js';
+
+const $ = id => document.getElementById(id);
+const dark = matchMedia('(prefers-color-scheme: dark)');
+
+class App {
+  constructor() {
+    this.bench = new Bench();
+    this.scene = new Scene($('bench'), $('over'));
+    this.state = null;
+    this.selected = null;
+    this.whole = false;
+    this.corners = null;
+    this.poses = {};
+    this.opacities = {};
+    this.moving = null;     // poses that are being changed here and were not sent yet
+    this.infos = [];
+    this.marksOf = null;
+  }
+
+  async start() {
+    const { maps } = await this.bench.get('maps');
+    this.infos = maps;
+    this.pictures = Object.fromEntries(maps.map(info => [info.name, new Picture(info)]));
+    await Promise.all(maps.map((info, k) => this.pictures[info.name].load(this.bench.url(`map/${k}.png`))));
+    this.colour();
+    this.scene.resize();
+    this.scene.paintOver = context => overlay(context, this);
+    this.bench.onState = state => this.hear(state);
+    this.bench.onElsewhere = () => $('elsewhere').open || $('elsewhere').showModal();
+    this.bench.onGone = isGone => { $('gone').hidden = !isGone; };
+    this.hear(await this.bench.get('state'));
+    this.fit();
+    await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+    document.body.dataset.ready = 'true';
+    performance.mark('first picture');
+    this.bench.listen();
+    if (!this.state.is_solved && !this.state.solving && !this.state.problem) this.act('solve');
+  }
+
+  colour() {
+    const style = getComputedStyle(document.documentElement);
+    const parse = name => style.getPropertyValue(name).trim().match(/[0-9a-f]{2}/gi).map(h => parseInt(h, 16));
+    const floor = parse('--floor');
+    this.scene.ground = style.getPropertyValue('--ground').trim();
+    this.accent = style.getPropertyValue('--accent').trim();
+    this.ink = style.getPropertyValue('--ink').trim();
+    this.card = style.getPropertyValue('--card').trim();
+    this.infos.forEach((info, k) => this.pictures[info.name].colour(floor, this.rgb(k)));
+    this.scene.stale();
+  }
+
+  /** A map's colour; on a dark ground lighter. */
+  rgb(k) {
+    const colour = this.infos[k].colour;
+    return dark.matches ? colour.map(c => Math.round(c + 0.45 * (255 - c))) : colour;
+  }
+
+  css(k) {
+    return `rgb(${this.rgb(k).join(' ')})`;
+  }
+
+  hear(state) {
+    const wasSolved = this.state?.is_solved, before = this.state;
+    this.state = state;
+    if (!this.moving) this.poses = Object.fromEntries(state.maps.map(m => [m.name, m.pose]));
+    this.arrange();
+    show(this);
+    const isNew = !before || JSON.stringify([before.maps, before.forbidden]) !== JSON.stringify([state.maps, state.forbidden]);
+    if (isNew && this.selected) this.loadPairs();
+    if (state.is_solved && !wasSolved && before) this.fit();
+    this.loadConflicts();
+  }
+
+  /** Asks the bench; what goes wrong is told. */
+  async act(name, body = {}) {
+    await this.sent;
+    if (name !== 'move' && name !== 'snap') showScore(null);
+    try {
+      const told = await this.bench.act(name, body);
+      say('');
+      return told ?? true;
+    } catch (error) {
+      say(error.message, 'bad');
+      if (name === 'move') {
+        this.poses = Object.fromEntries(this.state.maps.map(m => [m.name, m.pose]));
+        this.arrange();
+      }
+      return null;
+    }
+  }
+
+  arrange() {
+    const order = [...this.infos.keys()];
+    // The selected map lies on top.
+    order.sort((a, b) => (this.infos[a].name === this.selected) - (this.infos[b].name === this.selected));
+    const all = Number($('opacity-all').value);
+    this.scene.items = order.map(k => {
+      const { name } = this.infos[k];
+      return { name, picture: this.pictures[name], pose: this.poses[name], opacity: this.opacities[name] ?? all };
+    });
+    this.scene.stale();
+  }
+
+  async loadConflicts() {
+    const key = JSON.stringify([this.state.solve, this.state.parts.map(p => p.pose), $('conflicts').checked]);
+    if (key === this.marksOf) return;
+    this.marksOf = key;
+    const parts = $('conflicts').checked ? this.state.parts.filter(p => p.conflict_cells > 0 && p.pose) : [];
+    const marks = await Promise.all(parts.map(async part => {
+      const reply = await fetch(this.bench.url(`conflicts/${part.index}.png?solve=${this.state.solve}`));
+      if (!reply.ok) return null;
+      const bitmap = await createImageBitmap(await reply.blob());
+      const canvas = surface(bitmap.width, bitmap.height);
+      canvas.getContext('2d').drawImage(bitmap, 0, 0);
+      return { canvas, pose: compose(part.pose, part.origin), resolution: part.resolution, height: bitmap.height };
+    }));
+    if (this.marksOf !== key) return;
+    this.scene.marks = marks.filter(Boolean);
+    this.scene.stale();
+  }
+
+  async loadPairs() {
+    const name = this.selected;
+    try {
+      const pairs = await this.bench.get(`pairs?map=${encodeURIComponent(name)}`);
+      if (name === this.selected) showPairs(this, pairs);
+    } catch (error) {
+      say(error.message, 'bad');
+    }
+  }
+
+  select(name, isListed = false) {
+    this.flush();
+    if (this.corners && this.corners.moving !== name) this.endCorners();
+    this.selected = name;
+    showScore(null);
+    this.arrange();
+    show(this);
+    if (!name) return;
+    $('opacity').value = this.opacities[name] ?? $('opacity-all').value;
+    this.loadPairs();
+    if (isListed && !this.isInView(name)) this.fit([name]);
+  }
+
+  step(by) {
+    const names = this.infos.map(i => i.name);
+    const at = names.indexOf(this.selected);
+    this.select(names[(at + by + names.length + (at < 0 && by < 0 ? 1 : 0)) % names.length], true);
+  }
+
+  /** Names of the maps that move together. */
+  moved() {
+    if (!this.selected) return [];
+    const own = this.state.maps.find(m => m.name === this.selected);
+    if (!this.whole || own.component === null) return [this.selected];
+    return this.state.maps.filter(m => m.component === own.component).map(m => m.name);
+  }
+
+  /** Changes the poses of the maps that move together, here; `flush` sends them. */
+  change(f) {
+    if (this.state.solving) {
+      say('A solve is running; wait for it or cancel it.', 'bad');
+      return;
+    }
+    for (const name of this.moved()) {
+      this.poses[name] = f(this.poses[name]);
+      (this.moving ??= new Set()).add(name);
+    }
+    for (const item of this.scene.items) item.pose = this.poses[item.name];
+    if (!this.scene.active.size) {
+      this.scene.active = new Set(this.moving);
+      this.scene.marks = [];
+      this.marksOf = null;
+      this.scene.stale();
+    }
+    this.scene.ask();
+  }
+
+  shift(dx, dy) {
+    this.change(([x, y, t]) => [x + dx, y + dy, t]);
+  }
+
+  turn(angle) {
+    if (!this.selected) return;
+    const about = this.middle(this.moved());
+    this.change(t => turned(t, about, angle));
+  }
+
+  /** Sends what was moved once nothing has moved for a while. */
+  flushSoon() {
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.flush(), 400);
+  }
+
+  flush() {
+    clearTimeout(this.waiting);
+    const names = this.moving;
+    this.moving = null;
+    this.scene.active = new Set();
+    if (!names) return this.sent;
+    const poses = Object.fromEntries([...names].map(n => [n, this.poses[n]]));
+    this.scene.stale();
+    showScore(null);
+    const sent = this.act('move', { poses });
+    this.sent = sent.then(() => { this.sent = null; });
+    return this.sent;
+  }
+
+  async snap() {
+    if (!this.selected) return say('Select a map first.', 'bad');
+    await this.flush();
+    const found = await this.act('snap', { names: this.moved() });
+    if (!found) return;
+    const onto = found.onto ? ` onto ${found.onto}` : '';
+    showScore(`Snapped${onto}: probability ${found.probability.toFixed(2)}, ${found.shared_length.toFixed(1)} m of wall in ` +
+      `common, ${(100 * found.agreement).toFixed(0)} % of it agrees. Right? Pin it, then solve again.`);
+  }
+
+  async pin(isSoft) {
+    if (!this.selected) return say('Select a map first.', 'bad');
+    await this.flush();
+    const name = this.selected, now = this.state.maps.find(m => m.name === name).pin;
+    if (now === (isSoft ? 'soft' : 'hard')) return this.act('unpin', { name });
+    const also = await this.act('pin', { name, soft: isSoft });
+    if (typeof also === 'string') say(`${also} is pinned as well: a pin tells where a map lies to other pins.`, 'good');
+  }
+
+  async unpin() {
+    if (this.state.maps.find(m => m.name === this.selected)?.pin) await this.act('unpin', { name: this.selected });
+  }
+
+  startCorners() {
+    if (!this.selected) return say('Select the map that shall move first.', 'bad');
+    if (this.state.maps.length < 2) return;
+    this.flush();
+    this.corners = new Corners(this.selected);
+    $('corners').setAttribute('aria-pressed', 'true');
+    hint(this.corners.hint);
+    this.scene.canvas.focus();
+    this.scene.ask();
+  }
+
+  endCorners() {
+    this.corners = null;
+    $('corners').setAttribute('aria-pressed', 'false');
+    hint(null);
+    this.scene.ask();
+  }
+
+  async clickCorner(screen) {
+    const c = this.corners;
+    if (!c.click(this.scene.toWorld(screen), (w, wanted) => this.mapsAt(w, wanted)[0], this.poses)) {
+      say(c.open === null ? `${c.moving} does not lie there.` : `${c.staying ?? 'No other map'} does not lie there.`, 'bad');
+      return;
+    }
+    say('');
+    if (c.isDone) await this.sendCorners();
+    else hint(c.hint);
+    this.scene.ask();
+  }
+
+  async sendCorners() {
+    const { moving, staying, pairs } = this.corners;
+    if (!pairs.length) return;
+    this.endCorners();
+    const ok = await this.act('points', { a: staying, b: moving, points: pairs });
+    if (ok) showScore(`${moving} lies where the corners meet ${staying}. Now Snap settles it.`);
+    if (ok && !this.isInView(moving)) this.fit([moving, staying]);
+  }
+
+  async solve() {
+    await this.flush();
+    await this.act('solve');
+  }
+
+  async save() {
+    await this.flush();
+    const files = await this.act('save');
+    if (Array.isArray(files)) say(`Saved in ${this.state.output}: ${files.join(', ')}`, 'good');
+  }
+
+  /** Names of the maps that show something at a point of the bench, the uppermost first. */
+  mapsAt(world, wanted = () => true) {
+    const reach = 4 / this.scene.camera.scale;
+    return this.scene.items.toReversed().filter(({ name, picture, pose }) => {
+      const point = apply(inverse(compose(pose, picture.info.origin)), world);
+      return wanted(name) && picture.isKnownAt(point, reach);
+    }).map(item => item.name);
+  }
+
+  cornersOf(name) {
+    return corners(this.pictures[name].info, this.poses[name]);
+  }
+
+  middle(names) {
+    const [l, b, r, t] = boxOf(names.flatMap(n => this.cornersOf(n)));
+    return [(l + r) / 2, (b + t) / 2];
+  }
+
+  fit(names = this.infos.map(i => i.name)) {
+    this.scene.fit(boxOf(names.flatMap(n => this.cornersOf(n))));
+  }
+
+  isInView(name) {
+    const [x, y] = this.scene.toScreen(this.middle([name]));
+    return x > 0 && y > 0 && x < this.scene.width && y < this.scene.height;
+  }
+}
+
+const app = new App();
+window.app = app;
+
+for (const [id, f] of Object.entries({
+  solve: () => app.solve(), cancel: () => app.act('cancel'), undo: () => app.act('undo'),
+  redo: () => app.act('redo'), save: () => app.save(), snap: () => app.snap(), pin: () => app.pin(false),
+  soft: () => app.pin(true), corners: () => (app.corners ? app.endCorners() : app.startCorners()), fit: () => app.fit(),
+  keys: () => $('help').showModal(), 'use-here': () => { $('elsewhere').close(); app.bench.take(); },
+})) $(id).addEventListener('click', f);
+$('whole').addEventListener('change', e => { app.whole = e.target.checked; app.scene.ask(); });
+$('names').addEventListener('change', () => app.scene.ask());
+$('conflicts').addEventListener('change', () => app.loadConflicts());
+$('opacity').addEventListener('input', e => { app.opacities[app.selected] = Number(e.target.value); app.arrange(); });
+$('opacity-all').addEventListener('input', e => { app.opacities = {}; $('opacity').value = e.target.value; app.arrange(); });
+$('elsewhere').addEventListener('cancel', e => e.preventDefault());
+dark.addEventListener('change', () => { app.colour(); if (app.state) show(app); });
+new ResizeObserver(() => app.scene.resize()).observe($('bench'));
+listenToPointer(app);
+listenToKeys(app);
+app.start().catch(error => say(error.message, 'bad'));

@@ -88,6 +88,7 @@ class _Placement(TypedDict):
 
 class _Step(TypedDict):
     effective_sample_size: float
+    weights: list[float]
     resampled: bool
     log_evidence: float
 
@@ -95,6 +96,10 @@ class _Fused(TypedDict):
     data: NDArray[np.int8]
     resolution: float
     origin: list[float]
+
+class _Layers(_Fused):
+    sources: NDArray[np.int32]
+    disputed: NDArray[np.bool_]
 
 class _Component(TypedDict):
     data: NDArray[np.int8] | None
@@ -181,7 +186,7 @@ def fuse(
     name: str,
     placed: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float], Sequence[float]]],
     config: str,
-) -> _Fused: ...
+) -> _Layers: ...
 def merge(
     maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],
     config: str,

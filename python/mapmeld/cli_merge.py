@@ -149,7 +149,7 @@ def merge(
         extra["total"] = time.perf_counter() - started
         result = dataclasses.replace(result, seconds={**result.seconds, **extra})
         if out is not None:
-            write_result(out.staged, result)
+            write_result(out.staged, result, out.folder)
         if json is not None and str(json) != "-":
             replace_file(json, result.to_json().encode())
         if out is not None:

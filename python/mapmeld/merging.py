@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mapmeld import _core
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
+from mapmeld.filter_step import FilterStep
 from mapmeld.grid import OccupancyGrid
 from mapmeld.known_cells import known_centre
 from mapmeld.map_yaml import one_line
@@ -161,6 +162,7 @@ def result_of(
             in_world=c["in_world"],
             provenance=_frozen(c.get("sources")),
             conflicts=_frozen(c.get("disputed")),
+            steps=tuple(FilterStep(**s) for s in c["steps"]),
         )
         for k, c in enumerate(found["components"])
     ]

@@ -18,11 +18,11 @@ from mapmeld.map_io import write_map
 from mapmeld.map_yaml import one_line, read_map_yaml
 from mapmeld.result import MergeResult
 
-RESULT, REPORT = "result.json", "report.png"
+RESULT, REPORT, PAGE = "result.json", "report.png", "report.html"
 ESTIMATES, DEVELOPMENT = "estimates.jsonl", "development.png"
 """What a replay writes beside these."""
 
-_OURS = {RESULT, REPORT, ESTIMATES, DEVELOPMENT}
+_OURS = {RESULT, REPORT, PAGE, ESTIMATES, DEVELOPMENT}
 _STAGING = ".mapmeld-"
 _MERGED = re.compile(r"merged(_[0-9]+)?\.(yaml|pgm)")
 # What every result.json has. A folder whose result.json has it was written by a merge.
@@ -42,7 +42,7 @@ def write_output(
     with OutputFolder(folder, force=force) as out:
         write_merged_maps(out.staged, result)
         write_report(out.staged, result, maps)
-        write_result(out.staged, result)
+        write_result(out.staged, result, out.folder)
         out.commit()
 
 
@@ -60,10 +60,10 @@ def write_report(folder: Path, result: MergeResult, maps: Sequence[OccupancyGrid
         draw_report(folder / REPORT, result, maps)
 
 
-def write_result(folder: Path, result: MergeResult) -> None:
-    """Writes result.json."""
+def write_result(folder: Path, result: MergeResult, home: Path) -> None:
+    """Writes result.json. home: the folder that it will lie in, from which it names the maps' files."""
     with saying(folder / RESULT):
-        (folder / RESULT).write_text(result.to_json(), encoding="ascii")
+        (folder / RESULT).write_text(result.to_json(home), encoding="ascii")
 
 
 def replace_file(path: Path, content: bytes) -> None:

@@ -5,7 +5,7 @@ use crate::local_map::mode;
 use crate::watch::{watched, Tell};
 use mapmeld_core::merge::merge as core_merge;
 use mapmeld_core::result::{Known, Merge};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -60,6 +60,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
         for s in &c.steps {
             let e = PyDict::new(py);
             e.set_item("effective_sample_size", s.effective_sample_size)?;
+            e.set_item("weights", &s.weights)?;
             e.set_item("resampled", s.resampled)?;
             e.set_item("log_evidence", s.log_evidence)?;
             steps.append(e)?;
@@ -70,13 +71,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
         d.set_item("conflict_cells", fused.map(|f| f.conflicts))?;
         d.set_item("shared_cells", fused.map(|f| f.shared))?;
         match fused {
-            Some(f) => {
-                convert::set_grid(&d, &f.grid)?;
-                let shape = [f.grid.height(), f.grid.width()];
-                let sources = f.sources.iter().map(|s| s.map_or(-1, i32::from));
-                d.set_item("sources", PyArray1::from_iter(py, sources).reshape(shape)?)?;
-                d.set_item("disputed", PyArray1::from_slice(py, &f.disputed).reshape(shape)?)?;
-            }
+            Some(f) => convert::set_layers(&d, f)?,
             None => d.set_item("data", py.None())?,
         }
         components.append(d)?;

@@ -65,6 +65,8 @@ pub struct Step {
     pub advanced: usize,
     /// N_eff before resampling.
     pub effective_sample_size: f64,
+    /// The particles' weights before resampling; they sum to one.
+    pub weights: Vec<f64>,
     /// Whether particles were resampled.
     pub resampled: bool,
     /// Log of the estimated p(z_t | z_1..t-1).
@@ -159,7 +161,7 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
                 p.log_weight = LogWeight(w.ln());
             }
         }
-        Step { advanced: moved, effective_sample_size, resampled, log_evidence }
+        Step { advanced: moved, effective_sample_size, weights: normalised, resampled, log_evidence }
     }
 }
 

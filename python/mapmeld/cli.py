@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from mapmeld import cli_demo, cli_evaluate, cli_figures, cli_inspect, cli_merge, cli_replay, cli_simulate
+from mapmeld import (
+    cli_demo,
+    cli_evaluate,
+    cli_figures,
+    cli_inspect,
+    cli_merge,
+    cli_replay,
+    cli_report,
+    cli_simulate,
+)
 from mapmeld.cli_common import EXIT_CODES, report_error
 
 app = typer.Typer(
@@ -20,6 +29,7 @@ app = typer.Typer(
 )
 app.command("merge", epilog=EXIT_CODES)(cli_merge.merge)
 app.command("replay", epilog=EXIT_CODES)(cli_replay.replay)
+app.command("report", epilog=EXIT_CODES)(cli_report.report)
 app.command("inspect", epilog=EXIT_CODES)(cli_inspect.inspect)
 app.command("evaluate", epilog=EXIT_CODES)(cli_evaluate.evaluate)
 app.command("figures", epilog=EXIT_CODES)(cli_figures.figures)

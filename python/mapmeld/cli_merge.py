@@ -90,6 +90,15 @@ def merge(
         Path | None,
         typer.Option(metavar="PATH", help="Also write result.json there; - prints it.", show_default=False),
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html, all of the merge on one page.")
+    ] = False,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Also write the report's pictures as PNG and SVG there.", show_default=False
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Tell also of pairs, particles and times.")
@@ -112,6 +121,12 @@ def merge(
     started = time.perf_counter()
     if output is None and json is None:
         raise MapmeldError("no output folder; give one with -o DIR, or --json - to print the result")
+    if report and output is None:
+        raise MapmeldError("--report: goes into the output folder; give one with -o DIR")
+    if figures is not None:
+        from mapmeld.report_page.figures import check_folder
+
+        check_folder(figures)
     check_paths(maps)
     named, moment = check_bag_options(maps, topics, at)
     flags = [
@@ -126,7 +141,14 @@ def merge(
         _check_json(json, maps)
 
     from mapmeld.merging import merge as merge_maps
-    from mapmeld.output import OutputFolder, replace_file, write_merged_maps, write_report, write_result
+    from mapmeld.output import (
+        OutputFolder,
+        replace_file,
+        write_merged_maps,
+        write_page,
+        write_report,
+        write_result,
+    )
 
     with contextlib.ExitStack() as stack:
         saved = [path for path in maps if not is_bag(path)]
@@ -146,15 +168,39 @@ def merge(
             clock = time.perf_counter()
             write_report(out.staged, result, grids)
             extra["report"] = time.perf_counter() - clock
+        result = _with_files(result, inputs)
+        drawn = []
+        if report or figures is not None:
+            from mapmeld.report_page import page, story_of
+
+            clock = time.perf_counter()
+            story = story_of(dataclasses.replace(result, seconds={**result.seconds, **extra}), grids)
+            if out is not None and report:
+                write_page(out.staged, page(story))
+            if figures is not None:
+                from mapmeld.report_page.figures import draw_figures
+
+                drawn = draw_figures(story)
+            extra["page"] = time.perf_counter() - clock
         extra["total"] = time.perf_counter() - started
         result = dataclasses.replace(result, seconds={**result.seconds, **extra})
         if out is not None:
             write_result(out.staged, result, out.folder)
         if json is not None and str(json) != "-":
-            replace_file(json, result.to_json().encode())
+            replace_file(json, result.to_json(json.parent).encode())
+        if figures is not None:
+            from mapmeld.report_page.figures import save_figures
+
+            save_figures(figures, drawn)
         if out is not None:
             out.commit()
     _tell(result, inputs, output, json, quiet, verbose)
+
+
+def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:
+    """The result, with where its maps were read from."""
+    placed = zip(result.maps, inputs.files, strict=True)
+    return dataclasses.replace(result, maps=tuple(dataclasses.replace(m, file=file) for m, file in placed))
 
 
 def _load_matplotlib() -> None:

@@ -60,6 +60,12 @@ def write_report(folder: Path, result: MergeResult, maps: Sequence[OccupancyGrid
         draw_report(folder / REPORT, result, maps)
 
 
+def write_page(folder: Path, html: str) -> None:
+    """Writes report.html."""
+    with saying(folder / PAGE):
+        (folder / PAGE).write_text(html, encoding="utf-8")
+
+
 def write_result(folder: Path, result: MergeResult, home: Path) -> None:
     """Writes result.json. home: the folder that it will lie in, from which it names the maps' files."""
     with saying(folder / RESULT):

@@ -21,8 +21,8 @@ _NEAR_M = 0.25
 _FREE_M = 0.3
 """Standard deviation of a pose, metres, from which a direction counts as held by nothing."""
 _ELSEWHERE = (
-    "Nothing says where it meets the others. Drive it, or one of them, through ground that both then show, until a "
-    "quarter of its walls, in two directions, are in the other's map."
+    "Nothing says where it meets the others. Drive it, or one of them, through ground that both then show, "
+    "until a quarter of its walls, in two directions, are in the other's map."
 )
 
 
@@ -33,8 +33,8 @@ def advice(placed: Mapping[str, Any], story: Story) -> str:
         return "Check the topic and the thresholds of its yaml; if the robot had not driven yet, drive it."
     if status == "ambiguous":
         return (
-            "Drive it on to where its places would look different, or give a further map that overlaps both. Where "
-            "it is known from where it started, say so (a prior or a pin) instead."
+            "Drive it on to where its places would look different, or give a further map that overlaps both. "
+            "Where it is known from where it started, say so (a prior or a pin) instead."
         )
     own = [p for p in story.found["pairs"] if name in (p["a"], p["b"]) and p["T_a_b"] is not None]
     if not own:
@@ -47,13 +47,13 @@ def advice(placed: Mapping[str, Any], story: Story) -> str:
     match lack(best, story):
         case Lack.DIRECTION:
             hint = (
-                f"Drive either of them on until both show walls across that direction{where}: a crossing, a door "
-                "or the end of the corridor."
+                f"Drive either of them on{where} until both show walls that run across: a crossing, a door or the "
+                "end of the corridor."
             )
         case Lack.CONFLICTS:
             hint = (
-                f"Either the building changed between the two, or that place is wrong. Drive it once more where it "
-                f"would meet {other}{where}."
+                f"Either the building changed between the two, or that place is wrong. Drive it once more where "
+                f"it would meet {other}{where}."
             )
         case Lack.RIVAL:
             hint = f"Drive it on from what both show{where}, past the part that looks like another one."
@@ -75,7 +75,9 @@ def _loose(pair: Mapping[str, Any], name: str) -> str:
         return ""
     degrees = math.degrees(math.atan2(axes[1, 1], axes[0, 1])) % 180
     frame = "its own frame" if pair["a"] == name else f"the frame of {pair['a']}"
-    return f" Along {degrees:.0f} degrees of {frame} little holds it (standard deviation {deviations[1]:.1f} m)."
+    return (
+        f" Along {degrees:.0f} degrees of {frame} little holds it (standard deviation {deviations[1]:.1f} m)."
+    )
 
 
 def _where(pair: Mapping[str, Any], name: str, story: Story) -> str:

@@ -51,7 +51,9 @@ def weights_chart(steps: Sequence[Mapping[str, Any]]) -> Markup:
 
 def seconds_chart(seconds: Mapping[str, float]) -> Markup:
     """A bar a stage."""
-    stages = [(name, float(s)) for name, s in seconds.items() if name not in ("merge", "total") and s is not None]
+    stages = [
+        (name, float(s)) for name, s in seconds.items() if name not in ("merge", "total") and s is not None
+    ]
     most = max((s for _, s in stages), default=0.0) or 1.0
     bars = []
     for k, (name, s) in enumerate(stages):
@@ -91,6 +93,6 @@ def _frame(body: str, scale: Sequence[tuple[float, str]], steps: int, name: str,
     return Markup(
         f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{title}">'
         f'{lines}{ticks}{body}<text x="{_WIDTH / 2}" y="{_HEIGHT - 3}" text-anchor="middle">step</text>'
-        f'<text x="12" y="{_HEIGHT / 2}" transform="rotate(-90 12 {_HEIGHT / 2})" text-anchor="middle">{name}</text>'
+        f'<text transform="translate(12 {_HEIGHT / 2}) rotate(-90)" text-anchor="middle">{name}</text>'
         "</svg>"
     )

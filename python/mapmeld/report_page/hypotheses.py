@@ -29,7 +29,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class HypothesisPicture:
-    """rank: from 1. box: what is seen; empty `shapes`: nothing is merged. difference: from the first, in words."""
+    """rank: from 1. shapes: empty where nothing is merged. box: what is seen. difference: from the first, in
+    words."""
 
     rank: int
     probability: float
@@ -109,9 +110,7 @@ def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) ->
     return out
 
 
-def _is_same(
-    names: list[str], a: Mapping[str, Any], b: Mapping[str, Any], story: Story
-) -> NDArray[np.bool_]:
+def _is_same(names: list[str], a: Mapping[str, Any], b: Mapping[str, Any], story: Story) -> NDArray[np.bool_]:
     """Whether map j lies in one place, seen from map i, by both."""
     seen = []
     for h in (a, b):

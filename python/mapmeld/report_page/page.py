@@ -22,9 +22,9 @@ from mapmeld.report_page.views import css_colour, views
 
 _FEW = 12
 """Up to so many maps, their pictures are drawn finely."""
-_FINE, _COARSE, _THUMB = 1200, 560, 120
-"""Most pixels a side of a map's picture: among few maps, among many, and in a hypothesis."""
-_PAIRS_SHOWN = 100
+_FINE, _COARSE = (1200, 240), (560, 120)
+"""Most pixels a side of a map's picture, large and small, among few maps and among many."""
+_PAIRS_SHOWN = 40
 """Rows of the table of pairs that need no click; all of them are in the page."""
 _WORDS = {
     "merged": "merged: lies with the others",
@@ -55,7 +55,7 @@ class _MapRow:
 def page(story: Story) -> str:
     """The page as HTML."""
     found = story.found
-    most = _FINE if len(found["maps"]) <= _FEW else _COARSE
+    large, small = _FINE if len(found["maps"]) <= _FEW else _COARSE
     rows = pair_rows(story)
     maps = list(_map_rows(story))
     environment = jinja2.Environment(
@@ -74,8 +74,8 @@ def page(story: Story) -> str:
         views=views(story),
         maps=maps,
         left_out=[m for m in maps if m.help],
-        pictures=[raster.of_map(g, i, most) for i, g in enumerate(story.grids.values())],
-        thumbs=[raster.of_map(g, i, _THUMB) for i, g in enumerate(story.grids.values())],
+        pictures=[raster.of_map(g, i, large) for i, g in enumerate(story.grids.values())],
+        thumbs=[raster.of_map(g, i, small) for i, g in enumerate(story.grids.values())],
         pairs=rows,
         pairs_shown=_PAIRS_SHOWN,
         pairs_json=_script([[_json_cell(v) for v in astuple(r)] for r in rows[_PAIRS_SHOWN:]]),
@@ -99,7 +99,8 @@ def _title(story: Story) -> str:
         return f"All {n} maps are one"
     if k == 0:
         return f"None of {n} maps merged"
-    text = f"{largest} of {n} maps are one" + (f", {k} merged maps in all" if k > 1 else "")
+    together = sum(len(c["order"]) for c in found["components"] if len(c["order"]) > 1)
+    text = f"{together} of {n} maps are {'one' if k == 1 else f'{k} merged maps'}"
     rest = [f"{count[s]} {s}" for s in ("ambiguous", "no evidence", "blank") if count[s]]
     return "; ".join([text, *rest])
 

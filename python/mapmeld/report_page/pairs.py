@@ -13,9 +13,11 @@ from mapmeld.report_page.story import Story
 
 @dataclass(frozen=True)
 class PairRow:
-    """A row of the table of pairs. shared: metres of wall. second: share of the hits that holds the weaker
-    direction, conflicts: share of the walls amid free space of the other; 0..1. over_runner_up, over_decoy: by how
-    much the best mode is likelier, nats. None where there is no such number."""
+    """A row of the table of pairs.
+
+    shared: metres of wall. second: share of the hits that holds the weaker direction, conflicts: share of the
+    walls amid free space of the other; 0..1. over_runner_up, over_decoy: by how much the best mode is
+    likelier, nats. None where there is no such number."""
 
     a: str
     b: str
@@ -45,7 +47,8 @@ def lack(pair: Mapping[str, Any], story: Story) -> Lack:
     if second is not None and not is_one_place(second["T_a_b"], pair["T_a_b"], story.centres[pair["b"]]):
         rival = max(rival, second["log_likelihood"] or 0.0)
     keys = ("shared_length", "hits", "conflicts", "second_direction", "log_likelihood")
-    return lack_of(*(pair[key] or 0.0 for key in keys), rival)
+    length, hits, conflicts, direction, likelihood = (pair[key] or 0.0 for key in keys)
+    return lack_of(length, hits, conflicts, direction, likelihood, rival)
 
 
 def _row(pair: Mapping[str, Any], story: Story) -> PairRow:
@@ -62,7 +65,7 @@ def _row(pair: Mapping[str, Any], story: Story) -> PairRow:
         pair["candidates"],
         pair["modes"],
         pair["shared_length"],
-        pair["second_direction"] / pair["hits"] if pair["hits"] else None,
+        (pair["second_direction"] or 0.0) / pair["hits"] if pair["hits"] else None,
         pair["conflicts"] / wall if wall else None,
         None if likelihood is None or rival is None else likelihood - rival,
         None if likelihood is None or decoy is None else likelihood - decoy,

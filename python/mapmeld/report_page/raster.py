@@ -21,8 +21,8 @@ RGBA = tuple[int, int, int, int]
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a grid. address: data:image/png, row 0 at the top. width, height: metres; its lower left corner
-    is the grid's."""
+    """A picture of a grid. address: data:image/png, row 0 at the top. width, height: metres; its lower left
+    corner is the grid's."""
 
     address: str
     width: float

@@ -29,8 +29,8 @@ class Layers:
 
 @dataclass(frozen=True, eq=False)
 class Story:
-    """found: the contents of result.json. grids: the maps by name, in the order given. layers: of each component,
-    None where it has no merged map."""
+    """found: the contents of result.json. grids: the maps by name, in the order given. layers: of each
+    component, None where it has no merged map."""
 
     found: Mapping[str, Any]
     grids: Mapping[str, OccupancyGrid]
@@ -95,7 +95,9 @@ def _fused(found: Mapping[str, Any], k: int, grids: Mapping[str, OccupancyGrid])
     for name in component["order"]:
         g = grids[name]
         if not (g.data >= 0).any():
-            raise MapmeldError(f"map {name}: has no known cell now, and had some when it was merged; merge anew")
+            raise MapmeldError(
+                f"map {name}: has no known cell now, and had some when it was merged; merge anew"
+            )
         placed.append((name, g.data, g.resolution, g.origin, poses[name]))
     name = str(component["merged"]).removesuffix(".yaml")
     fused = _core.fuse(name, placed, json.dumps(found["config"]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ _COLOURS = 20
 """Colours of maps before they come again."""
 _FAR = 0.25
 """An origin farther outside its component than this share of the component's size is not walked to."""
-_WALL, _FLOOR, _CONFLICT = (38, 42, 48, 255), (255, 255, 255, 255), (214, 20, 40, 255)
+_WALL, _FLOOR, _CONFLICT = (38, 42, 48, 255), (255, 255, 255, 255), (214, 20, 40, 215)
 NINETY_FIVE_PERCENT = math.sqrt(5.991)
 """Standard deviations at which an ellipse holds 95 of 100, in two dimensions."""
 
@@ -43,8 +44,8 @@ class Ellipse:
 
 @dataclass(frozen=True)
 class Member:
-    """A map in its place. x, y: where its number stands: the origin of its local frame, or the middle of what it
-    shows where that lies far out. ellipse: of that point, None for the map that lends its frame."""
+    """A map in its place. x, y: where its number stands: the origin of its local frame, or the middle of what
+    it shows where that lies far out. ellipse: of that point, None for the map that lends its frame."""
 
     index: int
     name: str
@@ -58,7 +59,9 @@ class Member:
 
 @dataclass(frozen=True)
 class View:
-    """A component of several maps. box: what is seen. low: the pictures' lower left corner. size: of a number."""
+    """A component of several maps.
+
+    box: what is seen. low: the pictures' lower left corner. size: of a number, metres. legs: of the virtual robot's way, in the order of the merge."""
 
     number: int
     members: list[Member]
@@ -70,7 +73,7 @@ class View:
     walls: Picture
     provenance: Picture
     conflicts: Picture
-    trajectory: list[tuple[float, float]]
+    legs: list[tuple[tuple[float, float], tuple[float, float]]]
     facts: Mapping[str, Any]
 
 
@@ -111,14 +114,12 @@ def _view(k: int, component: Mapping[str, Any], layers: Layers, story: Story) ->
         walls=raster.picture((cells == 2).astype(np.uint8), pixel, [clear, _WALL]),
         provenance=_provenance(layers, component["order"], story, most, pixel),
         conflicts=raster.picture(_grown(layers.conflicts, most), pixel, [clear, _CONFLICT]),
-        trajectory=[(m.x, m.y) for m in members],
+        legs=[((a.x, a.y), (b.x, b.y)) for a, b in pairwise(members)],
         facts=component,
     )
 
 
-def _provenance(
-    layers: Layers, order: Sequence[str], story: Story, most: int, pixel: float
-) -> Picture:
+def _provenance(layers: Layers, order: Sequence[str], story: Story, most: int, pixel: float) -> Picture:
     """Each known cell in the colour of the map that it is from: floor faint, walls full."""
     colour_of = np.array([0, *(1 + story.index[name] % _COLOURS for name in order)], dtype=np.uint8)
     cells = colour_of[layers.provenance + 1]

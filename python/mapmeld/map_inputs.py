@@ -30,8 +30,8 @@ class BagTopic(NamedTuple):
 
 @dataclass
 class MapInputs:
-    """Maps that were read, and from which files. notes: where each recorded map comes from. warnings: what the
-    user must know."""
+    """Maps that were read, and from which files. notes: where each recorded map comes from. warnings: what
+    the user must know."""
 
     grids: list[OccupancyGrid] = field(default_factory=list)
     files: list[MapFile] = field(default_factory=list)

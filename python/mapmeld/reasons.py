@@ -116,8 +116,8 @@ def lack_of(
     log_likelihood: float,
     rival: float,
 ) -> Lack:
-    """What a mode lacks. rival: the log-likelihood of the mirror image or the best other place, nats; the rest
-    is as in Mode."""
+    """What a mode lacks. rival: the log-likelihood of the mirror image or the best other place, nats; the
+    rest is as in Mode."""
     if shared_length < LITTLE_WALL_M:
         return Lack.WALL
     if conflicts > MANY_CONFLICTS * (hits + conflicts):

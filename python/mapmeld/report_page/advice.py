@@ -47,13 +47,13 @@ def advice(placed: Mapping[str, Any], story: Story) -> str:
     match lack(best, story):
         case Lack.DIRECTION:
             hint = (
-                f"Drive either of them on{where} until both show walls that run across: a crossing, a door or the "
-                "end of the corridor."
+                f"Drive either of them on{where} until both show walls that run across: a crossing, a door "
+                "or the end of the corridor."
             )
         case Lack.CONFLICTS:
             hint = (
-                f"Either the building changed between the two, or that place is wrong. Drive it once more where "
-                f"it would meet {other}{where}."
+                "Either the building changed between the two, or that place is wrong. Drive it once more "
+                f"where it would meet {other}{where}."
             )
         case Lack.RIVAL:
             hint = f"Drive it on from what both show{where}, past the part that looks like another one."

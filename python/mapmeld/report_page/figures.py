@@ -27,6 +27,8 @@ KINDS = ("png", "svg")
 _PIXELS, _SMALL_PIXELS = 900, 300
 _WIDTH, _DPI = 6.0, 200
 _CONFLICT = (0.84, 0.08, 0.16)
+_ENLARGED = 10
+"""Ellipses are drawn so many times their size: a few centimetres would not be seen."""
 
 Drawn = list[tuple[str, bytes]]
 """Names of files and what goes into them."""
@@ -73,8 +75,9 @@ def _figures(story: Story) -> Iterator[tuple[str, Any]]:
             "conflicts": partial(_cells, layers=layers, conflicts=layers.conflicts),
             "uncertainty": partial(_uncertainty, view=view, layers=layers),
         }
+        titles = {"uncertainty": f"95 % ellipses, drawn {_ENLARGED} times their size"}
         for what, draw_it in draw.items():
-            yield f"{stem}_{what}", _map_figure(view, draw_it)
+            yield f"{stem}_{what}", _map_figure(view, draw_it, titles.get(what, ""))
     if any(h.shapes for h in hypothesis_pictures(story)):
         yield "hypotheses", _hypotheses(story)
     for k, c in enumerate(story.found["components"]):
@@ -94,12 +97,12 @@ def _figure(width: float, height: float) -> Any:
     return figure
 
 
-def _map_figure(view: View, draw: Callable[[Any], None]) -> Any:
+def _map_figure(view: View, draw: Callable[[Any], None], title: str) -> Any:
     left, bottom, width, height = view.box
     figure = _figure(_WIDTH, min(max(_WIDTH * height / width, 2.0), 9.0))
     axes = figure.add_subplot()
     draw(axes)
-    dress(axes, (left, left + width, bottom, bottom + height), "")
+    dress(axes, (left, left + width, bottom, bottom + height), title, points=9)
     axes.set_xlabel("x [m]", fontsize=9, color=INK)
     axes.set_ylabel("y [m]", fontsize=9, color=INK)
     return figure
@@ -143,7 +146,7 @@ def _show(axes: Any, layers: Layers, rgb: NDArray[np.float64]) -> None:
 
 
 def _uncertainty(axes: Any, view: View, layers: Layers) -> None:
-    """Ellipses of 95 % at the local origins, and the way of the virtual robot."""
+    """Ellipses of 95 % at the local origins, enlarged, and the way of the virtual robot."""
     from matplotlib.patches import Ellipse
 
     _cells(axes, layers, None)
@@ -153,11 +156,9 @@ def _uncertainty(axes: Any, view: View, layers: Layers) -> None:
     for m in view.members:
         if m.ellipse is not None:
             e, colour = m.ellipse, map_colour(m.index)
-            axes.add_patch(
-                Ellipse(
-                    (e.x, e.y), 2 * e.a, 2 * e.b, angle=e.degrees, facecolor=(*colour, 0.3), edgecolor=colour
-                )
-            )
+            size = (2 * _ENLARGED * e.a, 2 * _ENLARGED * e.b)
+            style: dict[str, Any] = {"facecolor": (*colour, 0.3), "edgecolor": colour, "zorder": 6}
+            axes.add_patch(Ellipse((e.x, e.y), *size, angle=e.degrees, **style))
     _numbers(axes, view)
 
 

@@ -79,10 +79,16 @@ def _words(k: int, changed: Mapping[str, str], components: Mapping[int, list[Map
         parts = [str(len(c)) for c in components.values() if len(c) > 1]
         return f"merges {' and '.join(parts)} maps" if parts else "every map alone"
     if not changed:
-        return "differs by less than one place counts"
-    shown = [f"{name} {what}" for name, what in list(changed.items())[:_MOST_NAMES]]
-    more = len(changed) - len(shown)
-    return "; ".join(shown) + (f"; and {more} more" if more else "")
+        return "the same places, within what counts as one"
+    by_kind: dict[str, list[str]] = {}
+    for name, what in changed.items():
+        by_kind.setdefault(what, []).append(name)
+    return "; ".join(f"{what}: {_listed(names)}" for what, names in by_kind.items())
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) -> dict[str, str]:
@@ -92,7 +98,7 @@ def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) ->
     """
     a, b = ({m["name"]: m for m in h["maps"]} for h in (first, other))
     names = [name for name in a if name in b]
-    out = {name: "is not placed" for name in a if name not in b}
+    out = {name: "not placed" for name in a if name not in b}
     if not names:
         return out
     sets = [np.array([h[n]["component"] for n in names]) for h in (a, b)]
@@ -102,11 +108,11 @@ def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) ->
     for i, name in enumerate(names):
         if not both[i].any():
             if with_b[i].any() and not with_a[i].any():
-                out[name] = f"is with {names[int(np.flatnonzero(with_b[i])[0])]}"
+                out[name] = f"with {names[int(np.flatnonzero(with_b[i])[0])]}"
             elif with_a[i].any():
-                out[name] = "is with others" if with_b[i].any() else "is alone"
+                out[name] = "with others" if with_b[i].any() else "alone"
         elif 2 * int(same[i][both[i]].sum()) < int(both[i].sum()):
-            out[name] = "lies elsewhere"
+            out[name] = "elsewhere"
     return out
 
 

@@ -37,7 +37,8 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class _MapRow:
-    """A row of the table of maps. pose, deviations: metres, metres, degrees, as text; empty where there is none."""
+    """A row of the table of maps. pose, deviations: metres, metres, degrees, as text; empty where there is
+    none. help: what would help a map that was left out, empty for the others."""
 
     index: int
     name: str

@@ -61,7 +61,9 @@ class Member:
 class View:
     """A component of several maps.
 
-    box: what is seen. low: the pictures' lower left corner. size: of a number, metres. legs: of the virtual robot's way, in the order of the merge."""
+    box: what is seen. low: the pictures' lower left corner. size: of a number, metres. legs: of the virtual
+    robot's way, in the order of the merge.
+    """
 
     number: int
     members: list[Member]

@@ -5,7 +5,7 @@ JSON text, partial or whole. mapmeld.merging and mapmeld.map_features are the sa
 """
 
 from collections.abc import Callable, Sequence
-from typing import NotRequired, TypedDict, final
+from typing import Any, NotRequired, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,4 +193,5 @@ def merge(
     order: Sequence[int] | None = None,
     reference: int | None = None,
     progress: Callable[[str, int, int], object] | None = None,
+    listener: Callable[[str, float, dict[str, Any]], object] | None = None,
 ) -> _Merge: ...

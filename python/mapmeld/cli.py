@@ -58,7 +58,7 @@ def _options(
 def main() -> None:
     """Entry point of the command `mapmeld`. Raises SystemExit with the exit codes of cli_common."""
     try:
-        app()
+        app(args=cli_merge.with_rerun(sys.argv[1:]))
     except Exception as error:
         sys.exit(report_error(error))
     except KeyboardInterrupt as error:

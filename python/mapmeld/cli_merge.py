@@ -99,6 +99,14 @@ def merge(
             metavar="DIR", help="Also write the report's pictures as PNG and SVG there.", show_default=False
         ),
     ] = None,
+    rerun: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.rrd]",
+            help="Record the merge for the Rerun viewer; without a file, open it (needs mapmeld[rerun]).",
+            show_default=False,
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Tell also of pairs, particles and times.")
@@ -127,6 +135,10 @@ def merge(
         from mapmeld.report_page.figures import check_folder
 
         check_folder(figures)
+    if rerun is not None:
+        from mapmeld.recording import check_target
+
+        check_target(rerun)
     check_paths(maps)
     named, moment = check_bag_options(maps, topics, at)
     flags = [
@@ -159,7 +171,17 @@ def merge(
             inputs = read_inputs(maps, named, moment, progress)
             grids = inputs.grids
             read_seconds = time.perf_counter() - started
-            result = merge_maps(grids, order=names, reference=reference, config=options, progress=progress)
+            listener = None
+            if rerun is not None:
+                from mapmeld.recording import recording
+
+                recorder = stack.enter_context(recording(rerun, grids))
+                listener = recorder.hear
+            result = merge_maps(
+                grids, order=names, reference=reference, config=options, progress=progress, listener=listener
+            )
+            if rerun is not None:
+                recorder.finish(result)
         extra = {"read": read_seconds}
         if out is not None:
             clock = time.perf_counter()
@@ -195,6 +217,17 @@ def merge(
         if out is not None:
             out.commit()
     _tell(result, inputs, output, json, quiet, verbose)
+
+
+def with_rerun(arguments: list[str]) -> list[str]:
+    """The arguments with `--rerun` alone written as --rerun=viewer: typer knows no option whose value may be
+    left out. What ends in .rrd after it is its file, all else is not."""
+    out: list[str] = []
+    for k, argument in enumerate(arguments):
+        following = "".join(arguments[k + 1 : k + 2])
+        is_alone = argument == "--rerun" and not following.endswith(".rrd")
+        out.append("--rerun=viewer" if is_alone else argument)
+    return out
 
 
 def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:

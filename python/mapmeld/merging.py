@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mapmeld import _core
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
+from mapmeld.events import Listener
 from mapmeld.filter_step import FilterStep
 from mapmeld.grid import OccupancyGrid
 from mapmeld.known_cells import known_centre
@@ -39,6 +40,7 @@ def merge(
     reference: str | SupportsIndex | None = None,
     config: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
+    listener: Listener | None = None,
 ) -> MergeResult:
     """Merges maps whose frames are unknown to each other (VR-SLAM).
 
@@ -49,7 +51,8 @@ def merge(
         order. None: unknown, and found. reference: the map whose frame is the world; None: the first of
         `order` or, without one, the map with the most in common with others.
     config: options, nested by stage and partial; see default_config.
-    progress: called between pieces of work, on the calling thread; what it raises ends the merge.
+    progress: called between pieces of work, on the calling thread; what it raises ends the merge. listener:
+        hears of what happens, see mapmeld.events; without one nothing is told, and it costs nothing.
 
     That maps do not overlap, or that two answers fit, is a value of the result. Raises MapmeldError for no
     maps, two of one name, and an order or reference that names no map or does not begin with the reference;
@@ -79,6 +82,7 @@ def merge(
         sequence or None,
         first,
         progress,
+        listener,
     )
     seconds = {**found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}

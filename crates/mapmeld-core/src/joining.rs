@@ -4,6 +4,7 @@ use crate::cache::{self, Cache, Lent, Noted};
 use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::error::Result;
+use crate::events::Listener;
 use crate::local_map::LocalMap;
 use crate::merge::{judged, travel};
 use crate::pair_table::PairTable;
@@ -20,7 +21,7 @@ pub(crate) fn join(
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
     config: &Config,
-    observer: Observer,
+    (observer, listener): (Observer, Listener),
 ) -> Result<Option<Vec<Cluster>>> {
     // Single maps alone tell nothing that their pairs have not told.
     if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
@@ -34,7 +35,8 @@ pub(crate) fn join(
     let found = cache.register(&merged, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
         let pairs = judged(found, 0, &merged.maps, config);
-        travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, observer)
+        let heard = (observer, listener);
+        travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, heard)
     });
     cache.give_back(merged);
     joined
@@ -72,7 +74,7 @@ fn travel_among(
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
     config: &Config,
-    observer: Observer,
+    (observer, listener): (Observer, Listener),
 ) -> Result<Option<Vec<Cluster>>> {
     let first = known.order.as_ref().and_then(|o| o.first().copied());
     let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
@@ -92,7 +94,7 @@ fn travel_among(
         priors: &priors,
         parts: Some(Parts { maps, overlays: &overlays }),
     };
-    let travelled = travel(robot, &known, observer)?;
+    let travelled = travel(robot, &known, observer, (listener, Some(clusters)))?;
     if travelled.len() == clusters.len() {
         return Ok(None);
     }

@@ -2,8 +2,10 @@
 
 use crate::convert;
 use crate::local_map::mode;
-use crate::watch::{watched, Tell};
-use mapmeld_core::merge::merge as core_merge;
+use crate::watch::{watched_told, Tell};
+use mapmeld_core::events::Event;
+use mapmeld_core::merge::merge_told;
+use mapmeld_core::registration::PairModes;
 use mapmeld_core::result::{Known, Merge};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
@@ -12,9 +14,10 @@ use pyo3::types::{PyDict, PyList};
 type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
 /// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
-/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C.
+/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C. So is
+/// `listener(name, seconds, data)`, with every event.
 #[pyfunction]
-#[pyo3(signature = (maps, config, order=None, reference=None, progress=None))]
+#[pyo3(signature = (maps, config, order=None, reference=None, progress=None, listener=None))]
 pub fn merge<'py>(
     py: Python<'py>,
     maps: Vec<Given<'py>>,
@@ -22,6 +25,7 @@ pub fn merge<'py>(
     order: Option<Vec<usize>>,
     reference: Option<usize>,
     progress: Option<Py<PyAny>>,
+    listener: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let config = convert::config(config)?;
     let grids = maps
@@ -30,8 +34,13 @@ pub fn merge<'py>(
         .collect::<PyResult<Vec<_>>>()?;
     let references = reference.into_iter().collect();
     let known = Known { order, references, ..Known::default() };
-    let work = move |tell: Tell| core_merge(grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
-    let found = watched(py, progress, work)?;
+    let is_heard = listener.is_some();
+    let work = move |tell: Tell| {
+        let event = |e: Event| tell.event(e);
+        let heard = is_heard.then_some(&event as &(dyn Fn(Event) + Sync));
+        merge_told(grids, &known, &config, &|s, d, t| tell.tell(s, d, t), heard)
+    };
+    let found = watched_told(py, progress, listener, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
 }
 
@@ -92,19 +101,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
 
     let pairs = PyList::empty(py);
     for p in &m.pairs {
-        let d = PyDict::new(py);
-        d.set_item("a", p.a)?;
-        d.set_item("b", p.b)?;
-        d.set_item("candidates", p.candidates)?;
-        d.set_item("status", p.status.name())?;
-        d.set_item("probability", p.probability)?;
-        let decoy = p.found.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
-        d.set_item("decoy_log_likelihood", decoy)?;
-        d.set_item(
-            "modes",
-            p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?,
-        )?;
-        pairs.append(d)?;
+        pairs.append(pair(py, p)?)?;
     }
     out.set_item("pairs", pairs)?;
 
@@ -116,4 +113,18 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
     }
     out.set_item("seconds", seconds)?;
     Ok(out)
+}
+
+pub fn pair<'py>(py: Python<'py>, p: &PairModes) -> PyResult<Bound<'py, PyDict>> {
+    let d = PyDict::new(py);
+    d.set_item("a", p.a)?;
+    d.set_item("b", p.b)?;
+    d.set_item("candidates", p.candidates)?;
+    d.set_item("status", p.status.name())?;
+    d.set_item("probability", p.probability)?;
+    let decoy = p.found.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
+    d.set_item("decoy_log_likelihood", decoy)?;
+    let modes = p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?;
+    d.set_item("modes", modes)?;
+    Ok(d)
 }

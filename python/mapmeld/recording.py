@@ -29,6 +29,8 @@ _MOST_PAIRS = 60
 """Pairs whose modes are recorded, the most probable first."""
 _STEP, _TIME, _MODE = "step", "wall_time", "mode"
 """Timelines: steps of the filter, seconds since the start, modes of a pair."""
+_TICK = 1e-3
+"""Seconds between things that are told at once, so that they can be seen one after the other."""
 
 
 @contextlib.contextmanager
@@ -101,6 +103,7 @@ class Recorder:
         self._walls = [_walls(g) for g in grids]
         self._step = 0
         self._shown: set[int] = set()
+        self._refined_once = False
         self._at(0.0)
         for i, grid in enumerate(grids):
             self._log(f"local/{self._name(i)}/cells", self._grid_map(grid))
@@ -140,6 +143,7 @@ class Recorder:
                 self._log(f"{root}/uncertainty/{self._name(i)}", ring)
         lines = [f"{m.name}: {m.status}: {m.reason}" for m in result.maps]
         self._log("log", rr.TextLog("\n".join(lines)))
+        self._stream.send_blueprint(_blueprint(result.merged))
 
     def _prepared(self, maps: Sequence[Mapping[str, Any]]) -> None:
         for m in maps:
@@ -155,7 +159,8 @@ class Recorder:
             a, b = p["a"], p["b"]
             root = f"pairs/{self._name(a)}/{self._name(b)}"
             self._log(f"{root}/a", self._points(a))
-            for k, mode in enumerate(p["modes"]):
+            # The likeliest last: it is what the other timelines show.
+            for k, mode in reversed(list(enumerate(p["modes"]))):
                 self._stream.set_time(_MODE, sequence=k)
                 self._log(f"{root}/b", self._transform(mode["T_a_b"]))
                 self._log(f"{root}/b/walls", self._points(b))
@@ -166,11 +171,11 @@ class Recorder:
 
     def _stepped(self, data: Mapping[str, Any], seconds: float) -> None:
         rr = self._rr
+        if data["step"] == 1 and self._shown:
+            seconds = self._clear("particles", seconds)
+            self._shown.clear()
         self._step += 1
         self._at(seconds)
-        if data["step"] == 1:
-            self._log("particles", rr.Clear(recursive=True))
-            self._shown.clear()
         particles = data["particles"]
         weights = np.array([p["weight"] for p in particles])
         paths = [_flat(np.array([T[:2] for _, T in p["maps"]])) for p in particles]
@@ -207,16 +212,27 @@ class Recorder:
         self._log("log", rr.TextLog(f"travel {data['travel']}, step {data['step']}{again}: {merged}"))
 
     def _refined(self, components: Sequence[Mapping[str, Any]], seconds: float) -> None:
+        if self._refined_once:
+            seconds = self._clear("refinement", seconds)
+        self._refined_once = True
         for poses in ("before", "after"):
             self._step += 1
             self._at(seconds)
-            self._log("refinement", self._rr.Clear(recursive=True))
             for k, c in enumerate(components):
                 for i, T in zip(c["maps"], c[poses], strict=True):
                     at = f"refinement/component_{k}/{self._name(i)}"
                     self._log(at, self._transform(T))
                     self._log(f"{at}/walls", self._points(i))
             self._log("log", self._rr.TextLog(f"{poses} the joint refinement"))
+            seconds += _TICK
+
+    def _clear(self, path: str, seconds: float) -> float:
+        """Takes away what is shown, at a time of its own: it would take along what is logged at the same one.
+        The time from which on there is room for new things."""
+        self._step += 1
+        self._at(seconds)
+        self._log(path, self._rr.Clear(recursive=True))
+        return seconds + _TICK
 
     def _at(self, seconds: float) -> None:
         self._stream.set_time(_STEP, sequence=self._step)
@@ -275,13 +291,23 @@ def _ellipse(T: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray
     return _flat((axes @ circle).T + T[:2])
 
 
-def _blueprint() -> Any:
+def _blueprint(merged: OccupancyGrid | None = None) -> Any:
+    """What the viewer shows where. merged: seen from above, once it is known."""
     import rerun.blueprint as rrb
 
+    above = None
+    if merged is not None:
+        x, y, _ = merged.origin
+        width, height = merged.width * merged.resolution, merged.height * merged.resolution
+        middle = (x + width / 2, y + height / 2)
+        above = rrb.EyeControls3D(
+            position=(*middle, 1.2 * max(width, height)), look_target=(*middle, 0.0), eye_up=(0.0, 1.0, 0.0)
+        )
     spatial = rrb.Tabs(
-        rrb.Spatial3DView(origin="/particles", name="particles"),
-        rrb.Spatial3DView(origin="/refinement", name="refinement"),
-        rrb.Spatial3DView(origin="/result", name="result"),
+        *(
+            rrb.Spatial3DView(origin=f"/{name}", name=name, eye_controls=above)
+            for name in ("particles", "refinement", "result")
+        ),
         rrb.Spatial3DView(origin="/local", name="local maps"),
         rrb.Spatial3DView(origin="/pairs", name="pairs"),
     )
@@ -292,4 +318,5 @@ def _blueprint() -> Any:
         rrb.BarChartView(origin="/plots/gamma", name="gamma~"),
         rrb.TextLogView(origin="/log", name="log"),
     )
-    return rrb.Blueprint(rrb.Horizontal(spatial, plots, column_shares=[3, 1]))
+    layout = rrb.Horizontal(spatial, plots, column_shares=[3, 1])
+    return rrb.Blueprint(layout, rrb.TimePanel(timeline=_STEP), rrb.SelectionPanel(state="collapsed"))

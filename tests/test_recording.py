@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import mapmeld
-from mapmeld.cli_merge import with_rerun
+from mapmeld.cli_options import with_rerun
 from mapmeld.recording import recording
 from rooms import assert_refused, blank, building, hall, run_cli, save
 

@@ -18,6 +18,7 @@ from mapmeld import (
     cli_simulate,
 )
 from mapmeld.cli_common import EXIT_CODES, report_error
+from mapmeld.cli_options import with_rerun
 
 app = typer.Typer(
     name="mapmeld",
@@ -58,7 +59,7 @@ def _options(
 def main() -> None:
     """Entry point of the command `mapmeld`. Raises SystemExit with the exit codes of cli_common."""
     try:
-        app(args=cli_merge.with_rerun(sys.argv[1:]))
+        app(args=with_rerun(sys.argv[1:]))
     except Exception as error:
         sys.exit(report_error(error))
     except KeyboardInterrupt as error:

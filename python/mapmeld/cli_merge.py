@@ -125,20 +125,12 @@ def merge(
     from mapmeld.cli_options import gather_options
     from mapmeld.errors import MapmeldError
     from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs
+    from mapmeld.merge_extras import Extras
 
     started = time.perf_counter()
     if output is None and json is None:
         raise MapmeldError("no output folder; give one with -o DIR, or --json - to print the result")
-    if report and output is None:
-        raise MapmeldError("--report: goes into the output folder; give one with -o DIR")
-    if figures is not None:
-        from mapmeld.report_page.figures import check_folder
-
-        check_folder(figures)
-    if rerun is not None:
-        from mapmeld.recording import check_target
-
-        check_target(rerun)
+    extras = Extras(report, figures, rerun, output)
     check_paths(maps)
     named, moment = check_bag_options(maps, topics, at)
     flags = [
@@ -153,14 +145,7 @@ def merge(
         _check_json(json, maps)
 
     from mapmeld.merging import merge as merge_maps
-    from mapmeld.output import (
-        OutputFolder,
-        replace_file,
-        write_merged_maps,
-        write_page,
-        write_report,
-        write_result,
-    )
+    from mapmeld.output import OutputFolder, replace_file, write_merged_maps, write_report, write_result
 
     with contextlib.ExitStack() as stack:
         saved = [path for path in maps if not is_bag(path)]
@@ -171,17 +156,10 @@ def merge(
             inputs = read_inputs(maps, named, moment, progress)
             grids = inputs.grids
             read_seconds = time.perf_counter() - started
-            listener = None
-            if rerun is not None:
-                from mapmeld.recording import recording
-
-                recorder = stack.enter_context(recording(rerun, grids))
-                listener = recorder.hear
+            listener = extras.listen(stack, grids)
             result = merge_maps(
                 grids, order=names, reference=reference, config=options, progress=progress, listener=listener
             )
-            if rerun is not None:
-                recorder.finish(result)
         extra = {"read": read_seconds}
         if out is not None:
             clock = time.perf_counter()
@@ -191,18 +169,8 @@ def merge(
             write_report(out.staged, result, grids)
             extra["report"] = time.perf_counter() - clock
         result = _with_files(result, inputs)
-        drawn = []
-        if report or figures is not None:
-            from mapmeld.report_page import page, story_of
-
-            clock = time.perf_counter()
-            story = story_of(dataclasses.replace(result, seconds={**result.seconds, **extra}), grids)
-            if out is not None and report:
-                write_page(out.staged, page(story))
-            if figures is not None:
-                from mapmeld.report_page.figures import draw_figures
-
-                drawn = draw_figures(story)
+        clock = time.perf_counter()
+        if extras.draw(result, grids, extra, out):
             extra["page"] = time.perf_counter() - clock
         extra["total"] = time.perf_counter() - started
         result = dataclasses.replace(result, seconds={**result.seconds, **extra})
@@ -210,24 +178,10 @@ def merge(
             write_result(out.staged, result, out.folder)
         if json is not None and str(json) != "-":
             replace_file(json, result.to_json(json.parent).encode())
-        if figures is not None:
-            from mapmeld.report_page.figures import save_figures
-
-            save_figures(figures, drawn)
+        extras.save()
         if out is not None:
             out.commit()
     _tell(result, inputs, output, json, quiet, verbose)
-
-
-def with_rerun(arguments: list[str]) -> list[str]:
-    """The arguments with `--rerun` alone written as --rerun=viewer: typer knows no option whose value may be
-    left out. What ends in .rrd after it is its file, all else is not."""
-    out: list[str] = []
-    for k, argument in enumerate(arguments):
-        following = "".join(arguments[k + 1 : k + 2])
-        is_alone = argument == "--rerun" and not following.endswith(".rrd")
-        out.append("--rerun=viewer" if is_alone else argument)
-    return out
 
 
 def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:

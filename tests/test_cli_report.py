@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from bags import bag_path, grid_record, write_bag
 from rooms import assert_refused, building, hall, run_cli, save
 
 
@@ -71,6 +72,23 @@ def test_a_case_can_be_moved(site: Path, tmp_path: Path) -> None:
     assert code == 0, err
     assert (result.parent / "report.html").is_file()
     assert (tmp_path / "figs" / "n_eff.png").is_file()
+
+
+def test_a_bag_is_read_again_as_it_was_taken(tmp_path: Path) -> None:
+    """The map at the time that the merge took, not the bag's last one."""
+    left, middle, right = building()
+    robots = [("/r1/map", left), ("/r2/map", middle), ("/r3/map", right)]
+    records = [grid_record(5.0 + k / 10, topic, grid) for k, (topic, grid) in enumerate(robots)]
+    later = [grid_record(50.0, topic, hall()) for topic, _ in robots]
+    bag = write_bag(bag_path(tmp_path, "mcap"), [*records, *later], "mcap")
+    code, _, err = run_cli("merge", bag, "--at", "20", "-o", tmp_path / "site", "--report", "-q")
+    assert code == 0, err
+    code, _, err = run_cli("report", tmp_path / "site" / "result.json", "-o", tmp_path / "page.html")
+    assert code == 0, err
+    pages = [(tmp_path / p).read_text() for p in ("page.html", "site/report.html")]
+    assert pages[0].split('<section id="times">')[0] == pages[1].split('<section id="times">')[0]
+    bag.unlink() if bag.is_file() else shutil.rmtree(bag)
+    assert_refused(run_cli("report", tmp_path / "site" / "result.json"), "not there any more")
 
 
 def test_a_map_that_is_gone(site: Path, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from mapmeld.map_yaml import one_line
 from mapmeld.output import saying
 from mapmeld.palette import map_colour
 from mapmeld.report_page.raster import OCCUPIED_FROM
+from mapmeld.report_page.views import NINETY_FIVE_PERCENT
 from mapmeld.result import MergeResult
 
 VIEWER = "viewer"
@@ -287,7 +288,10 @@ def _ellipse(T: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray
     """Where the origin lies with 95 %, as a closed line."""
     variances, axes = np.linalg.eigh(covariance[:2, :2])
     turn = np.linspace(0, 2 * np.pi, 65)
-    circle = np.stack([np.cos(turn), np.sin(turn)]) * np.sqrt(5.991 * np.maximum(variances, 0.0))[:, None]
+    circle = (
+        np.stack([np.cos(turn), np.sin(turn)])
+        * (NINETY_FIVE_PERCENT * np.sqrt(np.maximum(variances, 0.0)))[:, None]
+    )
     return _flat((axes @ circle).T + T[:2])
 
 

@@ -99,6 +99,7 @@ def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) ->
     a, b = ({m["name"]: m for m in h["maps"]} for h in (first, other))
     names = [name for name in a if name in b]
     out = {name: "not placed" for name in a if name not in b}
+    out |= {name: "placed" for name in b if name not in a}
     if not names:
         return out
     sets = [np.array([h[n]["component"] for n in names]) for h in (a, b)]

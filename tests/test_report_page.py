@@ -267,6 +267,14 @@ def test_what_differs_between_hypotheses(story: Story) -> None:
     told = Story(story.found, {n: hall(n) for n in "abcd"}, [])
     assert changes(first, other, told) == {"b": "elsewhere", "d": "alone"}
     assert changes(first, first, told) == {}
+    # Of two, the one that stays is told of as staying.
+    two = {"maps": first["maps"][:2]}
+    assert changes(two, {"maps": other["maps"][:2]}, told) == {"b": "elsewhere"}
+    parted = copy.deepcopy(two)
+    parted["maps"][1]["component"] = 1
+    assert changes(two, parted, told) == {"b": "alone"}
+    assert changes(parted, two, told) == {"a": "with b", "b": "with a"}
+    assert changes(two, {"maps": two["maps"][:1]}, told) == {"b": "not placed"}
     # Another frame is no difference.
     turned = copy.deepcopy(first)
     for m in turned["maps"]:

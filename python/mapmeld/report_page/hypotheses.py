@@ -94,7 +94,7 @@ def _listed(names: list[str]) -> str:
 def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) -> dict[str, str]:
     """Maps that lie otherwise than in the first hypothesis, and how.
 
-    A map has moved when it lies elsewhere seen from most of those that it is with in both.
+    Of each component of the first, the most that still lie so to each other have stayed; the rest has moved.
     """
     a, b = ({m["name"]: m for m in h["maps"]} for h in (first, other))
     names = [name for name in a if name in b]
@@ -102,18 +102,19 @@ def changes(first: Mapping[str, Any], other: Mapping[str, Any], story: Story) ->
     out |= {name: "placed" for name in b if name not in a}
     if not names:
         return out
-    sets = [np.array([h[n]["component"] for n in names]) for h in (a, b)]
-    with_a, with_b = (np.equal.outer(s, s) & ~np.eye(len(names), dtype=bool) for s in sets)
-    same = _is_same(names, a, b, story)
-    both = with_a & with_b
-    for i, name in enumerate(names):
-        if not both[i].any():
-            if with_b[i].any() and not with_a[i].any():
-                out[name] = f"with {names[int(np.flatnonzero(with_b[i])[0])]}"
-            elif with_a[i].any():
-                out[name] = "with others" if with_b[i].any() else "alone"
-        elif 2 * int(same[i][both[i]].sum()) < int(both[i].sum()):
-            out[name] = "elsewhere"
+    of_a, of_b = (np.array([h[n]["component"] for n in names]) for h in (a, b))
+    kept = _is_same(names, a, b, story) & np.equal.outer(of_a, of_a) & np.equal.outer(of_b, of_b)
+    for component in dict.fromkeys(of_a.tolist()):
+        members = np.flatnonzero(of_a == component)
+        stays = members[kept[np.ix_(members, members)].sum(axis=1).argmax()]
+        for i in members:
+            if kept[stays, i] and (len(members) > 1 or (of_b == of_b[i]).sum() == 1):
+                continue
+            beside = [k for k in np.flatnonzero(of_b == of_b[i]) if k != i]
+            if of_b[i] == of_b[stays] and i != stays:
+                out[names[i]] = "elsewhere"
+            else:
+                out[names[i]] = f"with {names[beside[0]]}" if beside else "alone"
     return out
 
 

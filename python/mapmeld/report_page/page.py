@@ -97,7 +97,7 @@ def _title(story: Story) -> str:
     if n == 1:
         return "One map, nothing to merge"
     if largest == n:
-        return f"All {n} maps are one"
+        return "Both maps are one" if n == 2 else f"All {n} maps are one"
     if k == 0:
         return f"None of {n} maps merged"
     together = sum(len(c["order"]) for c in found["components"] if len(c["order"]) > 1)
@@ -114,7 +114,9 @@ def _map_rows(story: Story) -> Iterator[_MapRow]:
         pose: tuple[str, ...] = ()
         deviations: tuple[str, ...] = ()
         if T is not None:
-            pose = (f"{T[0]:.3f}", f"{T[1]:.3f}", f"{math.degrees(T[2]):.2f}")
+            # Adding zero takes the sign from a rounded -0.
+            x, y, degrees = round(T[0], 3) + 0.0, round(T[1], 3) + 0.0, round(math.degrees(T[2]), 2) + 0.0
+            pose = (f"{x:.3f}", f"{y:.3f}", f"{degrees:.2f}")
         if T is not None and covariance is not None and parts[m["component"]]["reference"] != m["name"]:
             sx, sy, st = (math.sqrt(max(covariance[d][d] or 0.0, 0.0)) for d in range(3))
             deviations = (f"{sx:.3f}", f"{sy:.3f}", f"{math.degrees(st):.2f}")

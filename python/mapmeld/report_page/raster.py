@@ -82,7 +82,7 @@ def picture(cells: NDArray[np.uint8], pixel: float, palette: list[RGBA]) -> Pict
 
 
 def of_map(grid: OccupancyGrid, index: int, most: int) -> Picture:
-    """A map in its colour: walls full, free floor faint."""
+    """A map in its colour: walls full, free floor so faint that many maps on each other stay bright."""
     cells, pixel = classes(grid, most)
     colour = map_colour(index)
-    return picture(cells, pixel, [CLEAR, colour_bytes(colour, 0.13), colour_bytes(colour)])
+    return picture(cells, pixel, [CLEAR, colour_bytes(colour, 0.07), colour_bytes(colour)])

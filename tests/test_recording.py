@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -136,7 +137,10 @@ def test_without_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     maps = save(tmp_path / "maps", building())
     for arguments in (["--rerun"], ["--rerun", tmp_path / "merge.rrd"]):
         outcome = run_cli("merge", *maps, "-o", tmp_path / "site", *arguments)
-        assert_refused(outcome, "rerun-sdk", "pip install 'mapmeld[rerun]'")
+        assert_refused(outcome, "rerun-sdk", "pip install 'rerun-sdk>=0.41")
+    monkeypatch.setitem(sys.modules, "rerun", SimpleNamespace(__version__="0.20.0"))
+    outcome = run_cli("merge", *maps, "-o", tmp_path / "site", "--rerun")
+    assert_refused(outcome, "rerun-sdk 0.20.0 is too old", "pip install")
     assert not (tmp_path / "site").exists()
 
 

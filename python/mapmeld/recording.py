@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import socket
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -24,6 +26,9 @@ from mapmeld.result import MergeResult
 
 VIEWER = "viewer"
 """In the place of a file: opens the viewer."""
+_INSTALL = "pip install 'rerun-sdk>=0.41,<0.42'"
+_PORT, _PATIENCE_S = 9876, 5.0
+"""Where the viewer listens, and how long it is waited for."""
 _MOST_WALLS = 4000
 """Points of a map's walls that are drawn; more would make recordings of many maps large."""
 _MOST_PAIRS = 60
@@ -44,13 +49,10 @@ def recording(target: str | Path, grids: Sequence[OccupancyGrid]) -> Iterator[Re
     rerun = load_rerun()
     stream = rerun.RecordingStream("mapmeld")
     if target == VIEWER:
-        try:
-            stream.spawn(default_blueprint=_blueprint())
-        except Exception as error:  # whatever keeps a viewer from opening, such as no screen
-            problem = f"--rerun: the viewer does not open: {error}; write a file with --rerun FILE.rrd"
-            raise MapmeldError(one_line(problem)) from error
+        _open_viewer(rerun, stream)
+        stream.connect_grpc(default_blueprint=_blueprint())
         yield Recorder(rerun, stream, grids)
-        stream.flush()
+        stream.flush(timeout_sec=_PATIENCE_S)
         return
     path = Path(target)
     draft = path.with_name(f".mapmeld-{secrets.token_hex(8)}.rrd")
@@ -66,6 +68,25 @@ def recording(target: str | Path, grids: Sequence[OccupancyGrid]) -> Iterator[Re
     finally:
         stream.disconnect()
         draft.unlink(missing_ok=True)
+
+
+def _open_viewer(rerun: Any, stream: Any) -> None:
+    """Starts the viewer, or finds it running; raises MapmeldError when it does not listen after a while."""
+    # Beside this interpreter, which need not be in the search path.
+    program = Path(sys.executable).with_name("rerun")
+    problem = "it does not listen; is there a screen?"
+    try:
+        path = str(program) if program.is_file() else None
+        rerun.spawn(connect=False, executable_path=path, recording=stream)
+        with socket.create_connection(("127.0.0.1", _PORT), timeout=_PATIENCE_S):
+            return
+    except RuntimeError as error:
+        problem = str(error).partition("\n")[0]
+    except OSError:
+        pass
+    raise MapmeldError(
+        one_line(f"--rerun: the viewer does not open: {problem} A recording can be written: --rerun FILE.rrd")
+    )
 
 
 def check_target(target: str) -> None:
@@ -88,8 +109,10 @@ def load_rerun() -> ModuleType:
         import rerun
     except ImportError as error:
         raise MapmeldError(
-            "--rerun: needs the library rerun-sdk, which is not installed; pip install 'mapmeld[rerun]'"
+            f"--rerun: needs the library rerun-sdk, which is not installed; {_INSTALL}"
         ) from error
+    if not hasattr(rerun, "GridMap"):
+        raise MapmeldError(f"--rerun: rerun-sdk {rerun.__version__} is too old; {_INSTALL}")
     return rerun
 
 

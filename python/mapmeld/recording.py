@@ -113,7 +113,8 @@ def load_rerun() -> ModuleType:
         ) from error
     if not hasattr(rerun, "GridMap"):
         raise MapmeldError(f"--rerun: rerun-sdk {rerun.__version__} is too old; {_INSTALL}")
-    return rerun
+    library: ModuleType = rerun
+    return library
 
 
 class Recorder:

@@ -9,7 +9,6 @@ import socket
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -103,7 +102,7 @@ def check_target(target: str) -> None:
         )
 
 
-def load_rerun() -> ModuleType:
+def load_rerun() -> Any:
     """The library; raises MapmeldError that tells how to get it."""
     try:
         import rerun

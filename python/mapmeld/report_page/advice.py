@@ -46,9 +46,9 @@ def advice(placed: Mapping[str, Any], story: Story) -> str:
     other = _other(best, name)
     if best["status"] == "merged":
         return (
-            f"{_closest(best, name)} These two alone would merge; with the maps that {other} lies with, it does "
-            f"not fit well enough. Look at the two alone (a merge of just them), and drive it once more through "
-            f"ground that {other} and another map show."
+            f"{_closest(best, name)} These two alone would merge; with the maps that {other} lies with, it "
+            "does not fit well enough. Look at the two alone (a merge of just them), and drive it once more "
+            f"through ground that {other} and another map show."
         )
     match lack(best, story):
         case Lack.DIRECTION:

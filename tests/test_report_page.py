@@ -234,6 +234,10 @@ def doubtful(story: Story, **numbers: Any) -> Story:
         ({"decoy_log_likelihood": 18.0}, "past the part that looks like another one"),
         ({"covariance": np.diag([1e-4, 1.0, 1e-4]).tolist()}, "Along 90 degrees of the frame of left"),
         ({"probability": 0.01}, "more likely wrong than right"),
+        (
+            {"probability": 0.99, "status": "merged"},
+            "These two alone would merge; with the maps that left lies",
+        ),
     ],
 )
 def test_what_would_help(story: Story, numbers: dict[str, Any], words: str) -> None:

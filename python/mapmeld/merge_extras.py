@@ -15,7 +15,7 @@ from mapmeld.output import OutputFolder, write_page
 from mapmeld.result import MergeResult
 
 if TYPE_CHECKING:
-    from mapmeld.recording import Recorder
+    from mapmeld.recorder import Recorder
 
 
 class Extras:

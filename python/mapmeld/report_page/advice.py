@@ -44,6 +44,12 @@ def advice(placed: Mapping[str, Any], story: Story) -> str:
         return f"{_closest(best, name)} That place is more likely wrong than right. {_ELSEWHERE}"
     where = _where(best, name, story)
     other = _other(best, name)
+    if best["status"] == "merged":
+        return (
+            f"{_closest(best, name)} These two alone would merge; with the maps that {other} lies with, it "
+            "does not fit well enough. Look at the two alone (a merge of just them), and drive it once more "
+            f"through ground that {other} and another map show."
+        )
     match lack(best, story):
         case Lack.DIRECTION:
             hint = (

@@ -394,3 +394,14 @@ def test_fifty_maps_are_shown_soon(tmp_path: Path) -> None:
         assert page.locator("#maps button").count() == 50
         page.evaluate("app.act('cancel')")
         page.until("!app.state.solving", 30)
+
+
+def test_an_answer_that_news_overtook_is_not_believed(bench: tuple[Any, str]) -> None:
+    page = Page(*bench)
+    page.until_solved()
+    old = page.evaluate("fetch('state').then(r => r.json())")
+    page.select("hall")
+    page.click("#pin")
+    page.until("app.state.maps[3].pin === 'hard'")
+    page.evaluate("state => app.hear(state)", old)
+    assert page.evaluate("app.state.maps[3].pin") == "hard"

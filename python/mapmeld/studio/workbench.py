@@ -76,6 +76,7 @@ class Workbench:
         self._cancel = threading.Event()
         self._problem: str | None = None
         self._solves = 0
+        self._looks = 0
         self._saved: MergeResult | None = None
         self._session = _core.Session(json.dumps(self._config))
         # Of its own, so that a snap need not wait for a solve.
@@ -97,8 +98,12 @@ class Workbench:
         with self._lock:
             desk, solving, problem = self._history.now, self._solving, self._problem
             undo, redo = self._history.undo, self._history.redo
+            # Answers and news may overtake each other on their way: the page goes by the later look.
+            self._looks += 1
+            look = self._looks
             is_saved = desk.result is not None and self._saved is desk.result
-        return showing.state(list(self.grids), desk, solving, problem, is_saved, (undo, redo), self.output)
+        shown = showing.state(list(self.grids), desk, solving, problem, is_saved, (undo, redo), self.output)
+        return {"look": look, **shown}
 
     def pairs(self, name: str) -> list[dict[str, Any]]:
         """What the map and each other one say of each other alone, the most probable first."""

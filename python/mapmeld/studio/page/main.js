@@ -71,6 +71,8 @@ class App {
   }
 
   hear(state) {
+    // An answer that was overtaken by news.
+    if (this.state && state.look < this.state.look) return;
     const wasSolved = this.state?.is_solved, before = this.state;
     this.state = state;
     if (!this.moving) this.poses = Object.fromEntries(state.maps.map(m => [m.name, m.pose]));

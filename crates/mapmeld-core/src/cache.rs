@@ -152,24 +152,22 @@ impl Cache {
         }
     }
 
-    /// Every pair of some maps, each hinted at some transforms, and how many of them had to be registered. Those
+    /// Some pairs of some maps, each hinted at some transforms, and how many of them had to be registered. Those
     /// that were are kept even when the observer ends it.
     pub fn register(
         &mut self,
         Lent { maps, digests }: &Lent,
+        wanted: &[(usize, usize)],
         hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
         config: &Config,
         observer: Observer,
     ) -> Result<(Vec<Registered>, usize)> {
-        let n = maps.len();
-        let all: Vec<(usize, usize)> =
-            (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
-        let hints: Vec<Vec<Se2>> = parallel::map(&all, |(a, b)| hints(*a, *b));
+        let hints: Vec<Vec<Se2>> = parallel::map(wanted, |(a, b)| hints(*a, *b));
         let bits = |t: &Se2| t.to_array().map(f64::to_bits);
         let key = |((a, b), hints): (&(usize, usize), &Vec<Se2>)| -> PairKey {
             (digests[*a], digests[*b], hints.iter().map(bits).collect())
         };
-        let keys: Vec<PairKey> = all.iter().zip(&hints).map(key).collect();
+        let keys: Vec<PairKey> = wanted.iter().zip(&hints).map(key).collect();
         if !std::mem::replace(&mut self.has_looked, true) {
             self.looks += 1;
         }
@@ -186,7 +184,7 @@ impl Cache {
         let seconds: Vec<Digest> = missing.iter().map(|k| keys[*k].1).collect();
         let unseen: Vec<usize> = first_of_each(&seconds, |key| !self.mirrors.contains_key(key))
             .into_iter()
-            .map(|k| all[missing[k]].1)
+            .map(|k| wanted[missing[k]].1)
             .collect();
         let mirrors = observed(&unseen, Stage::Register, observer, |b| maps[*b].mirrored(config));
         for (b, made) in unseen.iter().zip(mirrors.parts) {
@@ -196,7 +194,7 @@ impl Cache {
         }
         mirrors.whole?;
         let found = observed(&missing, Stage::Register, observer, |k| {
-            let (a, b) = all[*k];
+            let (a, b) = wanted[*k];
             let mirror = self.mirrors.get(&digests[b]).map(|kept| &kept.value);
             pair::register(&maps[a], &maps[b], mirror, &hints[*k], (a, b), config)
         });
@@ -214,15 +212,19 @@ impl Cache {
         if self.generation.is_none() {
             self.mirrors.clear();
         }
-        let told = all.iter().zip(&keys).map(|((a, b), key)| {
-            let kept = self.pairs.get(key).expect("registered above");
-            Registered { a: *a, b: *b, ..kept.value.clone() }
+        // Pairs of maps that show the same are one pair: the last of them may take it out.
+        let mut left: HashMap<&PairKey, usize> = HashMap::new();
+        keys.iter().for_each(|key| *left.entry(key).or_default() += 1);
+        let told = wanted.iter().zip(&keys).map(|((a, b), key)| {
+            let left = left.get_mut(key).expect("counted above");
+            *left -= 1;
+            let found = match self.generation {
+                None if *left == 0 => self.pairs.remove(key).map(|kept| kept.value),
+                _ => self.pairs.get(key).map(|kept| kept.value.clone()),
+            };
+            Registered { a: *a, b: *b, ..found.expect("registered above") }
         });
-        let told = told.collect();
-        if self.generation.is_none() {
-            self.pairs.clear();
-        }
-        Ok((told, missing.len()))
+        Ok((told.collect(), missing.len()))
     }
 }
 

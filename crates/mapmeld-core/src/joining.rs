@@ -5,12 +5,15 @@ use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::error::Result;
 use crate::local_map::LocalMap;
+use crate::memory::Memory;
 use crate::merge::{judged, travel};
 use crate::pair_table::PairTable;
 use crate::parallel;
+use crate::partners;
 use crate::prior::Prior;
 use crate::result::{Known, Observer, Stage};
 use crate::virtual_robot::{Parts, VirtualRobot};
+use std::collections::{BTreeSet, HashMap};
 
 /// One travel with the clusters as maps; none when no two of them join.
 pub(crate) fn join(
@@ -31,13 +34,38 @@ pub(crate) fn join(
         return Ok(None);
     };
     let hints = |a: usize, b: usize| clusters[a].motions(&clusters[b], pairs);
-    let found = cache.register(&merged, hints, config, observer);
+    let wanted = worth_joining(clusters, pairs, config);
+    let found = cache.register(&merged, &wanted, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
         let pairs = judged(found, 0, &merged.maps, config);
         travel_among(maps, &merged.maps, &pairs, clusters, (known, rung), config, observer)
     });
     cache.give_back(merged);
     joined
+}
+
+/// Pairs of clusters that are worth registering: all of a few; of many, those of whose members some pair was
+/// registered.
+fn worth_joining(
+    clusters: &[Cluster],
+    pairs: &PairTable,
+    config: &Config,
+) -> Vec<(usize, usize)> {
+    let n = clusters.len();
+    let all = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+    if partners::are_all(n, config) {
+        return all.collect();
+    }
+    let mut cluster_of = HashMap::new();
+    for (k, c) in clusters.iter().enumerate() {
+        cluster_of.extend(c.members.iter().map(|m| (*m, k)));
+    }
+    let across = cluster_of.iter().flat_map(|(m, a)| {
+        let others = pairs.partners(*m).filter_map(|other| cluster_of.get(&other));
+        others.map(move |b| (*a.min(b), *a.max(b)))
+    });
+    let found: BTreeSet<(usize, usize)> = across.filter(|(a, b)| a != b).collect();
+    found.into_iter().collect()
 }
 
 /// The clusters as maps of their own; none when one of them is too large to draw, as pins far apart make it.
@@ -91,6 +119,7 @@ fn travel_among(
         rung,
         priors: &priors,
         parts: Some(Parts { maps, overlays: &overlays }),
+        memory: Memory::default(),
     };
     let travelled = travel(robot, &known, observer)?;
     if travelled.len() == clusters.len() {

@@ -11,8 +11,10 @@ use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::joining;
 use crate::local_map::LocalMap;
+use crate::memory::Memory;
 use crate::pair_table::PairTable;
 use crate::parallel;
+use crate::partners;
 use crate::perception::noise;
 use crate::prior;
 use crate::registration::Registered;
@@ -87,6 +89,7 @@ fn run(
         rung,
         priors: &known.priors,
         parts: None,
+        memory: Memory::default(),
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
         .into_iter()
@@ -145,7 +148,7 @@ pub(crate) struct Found {
     pub fresh: usize,
 }
 
-/// Registers all pairs and weighs them as bent as they are.
+/// Registers the pairs that are worth it and weighs them as bent as they are.
 pub(crate) fn registered(
     lent: &Lent,
     cache: &mut Cache,
@@ -153,15 +156,16 @@ pub(crate) fn registered(
     config: &Config,
     observer: Observer,
 ) -> Result<Found> {
-    let (found, fresh) = cache.register(lent, prior_hints(known), config, observer)?;
     let maps = lent.maps.as_slice();
+    let wanted = partners::pairs(maps, known, config);
+    let (found, fresh) = cache.register(lent, &wanted, prior_hints(known), config, observer)?;
     let rung = noise::how_bent(&found, &maps.iter().collect::<Vec<_>>());
     let pairs = judged(found, rung, maps, config);
     let perception = config.perception.rungs().swap_remove(rung);
     Ok(Found { pairs, rung, config: Config { perception, ..config.clone() }, fresh })
 }
 
-/// The verdicts on all pairs.
+/// The verdicts on pairs.
 pub(crate) fn judged(
     found: Vec<Registered>,
     rung: usize,
@@ -226,8 +230,9 @@ fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
         (0..open.len()).filter(is_open).find(|m| robot.prior(*m).is_some_and(|p| p.is_pinned));
     let first = known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
     let connected = |a: usize| -> f64 {
-        (0..open.len())
-            .filter(|b| open[*b] && *b != a)
+        pairs
+            .partners(a)
+            .filter(|b| open[*b])
             .filter_map(|b| pairs.best(a, b))
             .map(|l| l.max(0.0))
             .sum()

@@ -1,27 +1,28 @@
-//! The modes of all pairs: the virtual robot's odometry.
+//! The modes of the registered pairs: the virtual robot's odometry.
 
 use crate::registration::pair::inverse;
-use crate::registration::PairModes;
+use crate::registration::{Mode, PairModes};
 use crate::se2::Se2;
 use nalgebra::Matrix3;
 
-/// The modes of all pairs, found by either order of their maps.
+/// The modes of the registered pairs, found by either order of their maps.
 #[derive(Debug, Clone)]
 pub struct PairTable {
-    n: usize,
     pairs: Vec<PairModes>,
-    /// Index into `pairs` of every ordered pair, `a * n + b`.
-    at: Vec<Option<u32>>,
+    /// For each map the maps it was registered with, ascending, and where in `pairs`.
+    at: Vec<Vec<(u32, u32)>>,
 }
 
 impl PairTable {
-    /// From the registered pairs of `n` maps, each with `a < b`.
+    /// From registered pairs of `n` maps, each with `a < b`.
     pub fn new(n: usize, pairs: Vec<PairModes>) -> Self {
-        let mut at = vec![None; n * n];
+        let mut at = vec![Vec::new(); n];
         for (k, p) in pairs.iter().enumerate() {
-            at[p.a * n + p.b] = Some(k as u32);
+            at[p.a].push((p.b as u32, k as u32));
+            at[p.b].push((p.a as u32, k as u32));
         }
-        Self { n, pairs, at }
+        at.iter_mut().for_each(|of_map| of_map.sort_unstable());
+        Self { pairs, at }
     }
 
     /// Takes the pairs out.
@@ -29,14 +30,24 @@ impl PairTable {
         self.pairs
     }
 
+    /// The maps that a map was registered with, ascending.
+    pub fn partners(&self, map: usize) -> impl Iterator<Item = usize> + '_ {
+        self.at[map].iter().map(|(other, _)| *other as usize)
+    }
+
+    fn find(&self, a: usize, b: usize) -> Option<&PairModes> {
+        let k = self.at[a].binary_search_by_key(&(b as u32), |(other, _)| *other).ok()?;
+        Some(&self.pairs[self.at[a][k].1 as usize])
+    }
+
     /// Modes of `T_a_b`: transform, covariance, log-likelihood. Most likely first.
     pub fn modes(&self, a: usize, b: usize) -> Vec<(Se2, Matrix3<f64>, f64)> {
-        let (lo, hi) = (a.min(b), a.max(b));
-        let Some(k) = self.at[lo * self.n + hi] else { return Vec::new() };
-        let modes = self.pairs[k as usize].found.modes.iter();
+        let Some(pair) = self.find(a, b) else { return Vec::new() };
+        let turned = |m: &Mode| if a == pair.a { (m.t_a_b, m.covariance) } else { inverse(m) };
+        let modes = pair.found.modes.iter();
         modes
             .map(|m| {
-                let (t, covariance) = if a == lo { (m.t_a_b, m.covariance) } else { inverse(m) };
+                let (t, covariance) = turned(m);
                 (t, covariance, m.evidence.log_likelihood)
             })
             .collect()
@@ -45,13 +56,11 @@ impl PairTable {
     /// The best log-likelihood that the mirror image of one of the maps reaches on the other; zero where
     /// none was tried.
     pub fn decoy(&self, a: usize, b: usize) -> f64 {
-        let k = self.at[a.min(b) * self.n + a.max(b)];
-        k.map_or(0.0, |k| self.pairs[k as usize].found.decoy())
+        self.find(a, b).map_or(0.0, |p| p.found.decoy())
     }
 
     /// Log-likelihood of the best mode of a pair; none without a mode.
     pub fn best(&self, a: usize, b: usize) -> Option<f64> {
-        let k = self.at[a.min(b) * self.n + a.max(b)]?;
-        self.pairs[k as usize].found.modes.first().map(|m| m.evidence.log_likelihood)
+        self.find(a, b)?.found.modes.first().map(|m| m.evidence.log_likelihood)
     }
 }

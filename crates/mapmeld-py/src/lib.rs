@@ -21,6 +21,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(local_map::weigh, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::perceive, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::candidates, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::partners, m)?)?;
     m.add_function(wrap_pyfunction!(fuse::fuse, m)?)?;
     m.add_function(wrap_pyfunction!(merge::merge, m)?)?;
     Ok(())

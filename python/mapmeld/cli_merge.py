@@ -86,6 +86,22 @@ def merge(
             show_default=False,
         ),
     ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder that keeps registered pairs: the next merge registers only those of changed maps.",
+            show_default=False,
+        ),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler whose workers register the pairs, tcp://host:8786; local: one on this machine.",
+            show_default=False,
+        ),
+    ] = None,
     json: Annotated[
         Path | None,
         typer.Option(metavar="PATH", help="Also write result.json there; - prints it.", show_default=False),
@@ -127,6 +143,7 @@ def merge(
 
     from mapmeld.merging import merge as merge_maps
     from mapmeld.output import OutputFolder, replace_file, write_merged_maps, write_report, write_result
+    from mapmeld.pair_store import PairStore
 
     with contextlib.ExitStack() as stack:
         saved = [path for path in maps if not is_bag(path)]
@@ -137,7 +154,16 @@ def merge(
             inputs = read_inputs(maps, named, moment, progress)
             grids = inputs.grids
             read_seconds = time.perf_counter() - started
-            result = merge_maps(grids, order=names, reference=reference, config=options, progress=progress)
+            store = None if cache is None else PairStore(cache)
+            result = merge_maps(
+                grids,
+                order=names,
+                reference=reference,
+                config=options,
+                progress=progress,
+                cache=store,
+                dask=dask,
+            )
         extra = {"read": read_seconds}
         if out is not None:
             clock = time.perf_counter()
@@ -154,7 +180,8 @@ def merge(
             replace_file(json, result.to_json().encode())
         if out is not None:
             out.commit()
-    _tell(result, inputs, output, json, quiet, verbose)
+    troubles = [] if store is None else store.warnings()
+    _tell(result, inputs, output, json, quiet, verbose, troubles)
 
 
 def _load_matplotlib() -> None:
@@ -220,6 +247,7 @@ def _tell(
     json: Path | None,
     quiet: bool,
     verbose: bool,
+    troubles: list[str],
 ) -> None:
     from mapmeld.cli_common import stdout_console
     from mapmeld.merge_view import details, summary_table, warnings
@@ -235,5 +263,5 @@ def _tell(
         if output is not None:
             console.print(f"Wrote {output} in {result.seconds['total']:.2f} s.", markup=False, soft_wrap=True)
     if not quiet:
-        for line in [*inputs.warnings, *warnings(result)]:
+        for line in [*inputs.warnings, *troubles, *warnings(result)]:
             print(f"mapmeld: warning: {line}", file=sys.stderr)

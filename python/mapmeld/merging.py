@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import operator
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, SupportsIndex
 
 import numpy as np
@@ -17,6 +19,7 @@ from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
 from mapmeld.known_cells import known_centre
 from mapmeld.map_yaml import one_line
+from mapmeld.pair_store import PairStore
 from mapmeld.reasons import reason
 from mapmeld.result import Component, Hypothesis, HypothesisMap, MergeResult, Mode, Pair, PlacedMap
 
@@ -38,6 +41,8 @@ def merge(
     reference: str | SupportsIndex | None = None,
     config: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
+    cache: str | Path | PairStore | None = None,
+    dask: str | None = None,
 ) -> MergeResult:
     """Merges maps whose frames are unknown to each other (VR-SLAM).
 
@@ -49,6 +54,10 @@ def merge(
         `order` or, without one, the map with the most in common with others.
     config: options, nested by stage and partial; see default_config.
     progress: called between pieces of work, on the calling thread; what it raises ends the merge.
+    cache: folder in which registered pairs are kept for the next merge, made if need be; several processes may
+        use it at once. A damaged file is warned of, and registered anew. The result is the same.
+    dask: address of a dask scheduler whose workers register the pairs, as tcp://host:8786, or "local" for a
+        cluster of this machine's cores; needs dask.distributed. The result is the same.
 
     That maps do not overlap, or that two answers fit, is a value of the result. Raises MapmeldError for no
     maps, two of one name, and an order or reference that names no map or does not begin with the reference;
@@ -71,15 +80,28 @@ def merge(
             )
         )
 
+    store = cache if isinstance(cache, PairStore) else None if cache is None else PairStore(cache)
     started = time.perf_counter()
+    spread = 0
+    if dask is not None:
+        from mapmeld.spreading import register_spread
+
+        store = store or PairStore()
+        spread = register_spread(grids, names, options, sequence or None, dask, store, progress)
+    spread_seconds = {} if dask is None else {"spread": time.perf_counter() - started}
     found = _core.merge(
         [(n, g.data, g.resolution, g.origin) for n, g in zip(names, grids, strict=True)],
         json.dumps(options),
         sequence or None,
         first,
         progress,
+        None if store is None else store.core,
     )
-    seconds = {**found["seconds"], "merge": time.perf_counter() - started}
+    if store is not None and store is not cache:
+        for problem in store.warnings():
+            warnings.warn(problem, stacklevel=2)
+    found["registered_pairs"] += spread
+    seconds = {**spread_seconds, **found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
     return result_of(found, names, options, seconds, centres)
 

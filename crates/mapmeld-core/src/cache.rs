@@ -13,26 +13,29 @@ use crate::parallel;
 use crate::registration::{pair, Registered};
 use crate::result::{Observer, Stage};
 use crate::se2::Se2;
-use std::collections::hash_map::DefaultHasher;
+use crate::stored::{self, Store};
 use std::collections::HashMap;
-use std::hash::{Hash, Hasher};
+use std::hash::Hash;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// Merges for which something is kept that none of them used: those that were interrupted use little.
 const KEPT_FOR: u64 = 4;
 
-/// What a grid shows, in 128 bits. Names do not count.
+/// What a grid shows, in 128 bits, the same on every machine. Names do not count.
 pub type Digest = (u64, u64);
 
 /// The digest of a grid.
 pub fn digest(grid: &OccupancyGrid) -> Digest {
-    let half = |salt: u64| {
-        let mut hasher = DefaultHasher::new();
-        salt.hash(&mut hasher);
-        canonical::key(grid).hash(&mut hasher);
-        hasher.finish()
-    };
+    let (height, width, numbers, cells) = canonical::key(grid);
+    let mut hasher = blake3::Hasher::new();
+    for number in [height as u64, width as u64].into_iter().chain(numbers) {
+        hasher.update(&number.to_le_bytes());
+    }
+    let cells: Vec<u8> = cells.iter().map(|v| *v as u8).collect();
+    hasher.update(&cells);
+    let hash = *hasher.finalize().as_bytes();
+    let half = |k: usize| u64::from_le_bytes(std::array::from_fn(|i| hash[8 * k + i]));
     (half(0), half(1))
 }
 
@@ -68,6 +71,8 @@ pub struct Cache {
     looks: u64,
     /// Whether the merge that is under way did.
     has_looked: bool,
+    /// Where pairs are kept beyond this process.
+    store: Option<Arc<dyn Store>>,
 }
 
 impl Cache {
@@ -79,6 +84,11 @@ impl Cache {
     /// Keeps nothing: for one merge alone.
     pub fn passing() -> Self {
         Self::default()
+    }
+
+    /// Takes pairs from a store as well, and keeps there what it works out.
+    pub fn with_store(self, store: Option<Arc<dyn Store>>) -> Self {
+        Self { store, ..self }
     }
 
     fn now(&self) -> u64 {
@@ -179,6 +189,7 @@ impl Cache {
             }
         }
         let missing = first_of_each(&keys, |key| !self.pairs.contains_key(key));
+        let missing = self.read_stored(missing, wanted, (&keys, &hints), config);
 
         let used = self.now();
         let seconds: Vec<Digest> = missing.iter().map(|k| keys[*k].1).collect();
@@ -186,6 +197,8 @@ impl Cache {
             .into_iter()
             .map(|k| wanted[missing[k]].1)
             .collect();
+        let root = stored::root(config);
+        let stored_key = |k: usize| stored::key(&root, (keys[k].0, keys[k].1), &hints[k]);
         let mirrors = observed(&unseen, Stage::Register, observer, |b| maps[*b].mirrored(config));
         for (b, made) in unseen.iter().zip(mirrors.parts) {
             if let Some(value) = made {
@@ -196,7 +209,11 @@ impl Cache {
         let found = observed(&missing, Stage::Register, observer, |k| {
             let (a, b) = wanted[*k];
             let mirror = self.mirrors.get(&digests[b]).map(|kept| &kept.value);
-            pair::register(&maps[a], &maps[b], mirror, &hints[*k], (a, b), config)
+            let found = pair::register(&maps[a], &maps[b], mirror, &hints[*k], (a, b), config);
+            if let Some(store) = &self.store {
+                store.write(&stored_key(*k), &stored::encode(&found));
+            }
+            found
         });
         for (k, found) in missing.iter().zip(found.parts) {
             if let Some(value) = found {
@@ -225,6 +242,37 @@ impl Cache {
             Registered { a: *a, b: *b, ..found.expect("registered above") }
         });
         Ok((told.collect(), missing.len()))
+    }
+
+    /// Takes what it can of the missing pairs from the store; gives those that it lacks.
+    fn read_stored(
+        &mut self,
+        missing: Vec<usize>,
+        wanted: &[(usize, usize)],
+        (keys, hints): (&[PairKey], &[Vec<Se2>]),
+        config: &Config,
+    ) -> Vec<usize> {
+        let Some(store) = &self.store else { return missing };
+        let root = stored::root(config);
+        let read = parallel::map(&missing, |k| {
+            let key = stored::key(&root, (keys[*k].0, keys[*k].1), &hints[*k]);
+            let found = stored::decode(&store.read(&key)?, wanted[*k]);
+            if found.is_none() {
+                store.unreadable(&key);
+            }
+            found
+        });
+        let mut left = Vec::new();
+        for (k, found) in missing.into_iter().zip(read) {
+            match found {
+                Some(value) => {
+                    let kept = Kept { value, used: self.looks };
+                    self.pairs.insert(keys[k].clone(), kept);
+                }
+                None => left.push(k),
+            }
+        }
+        left
     }
 }
 

@@ -35,6 +35,11 @@ impl Canonical {
         self.place[given]
     }
 
+    /// The given index of a place in this order.
+    pub fn given(&self, place: usize) -> usize {
+        self.order[place]
+    }
+
     /// The maps in this order.
     pub fn arranged<T: Copy>(&self, maps: &[T]) -> Vec<T> {
         self.order.iter().map(|k| maps[*k]).collect()

@@ -23,6 +23,7 @@
 //! assert!((shift + 0.2).abs() < 0.05);
 //! ```
 #![warn(missing_docs)]
+pub mod batch;
 pub mod boundary;
 pub mod cache;
 pub mod canonical;
@@ -51,6 +52,7 @@ pub mod se2;
 pub mod session;
 pub mod sparse;
 pub mod standing;
+pub mod stored;
 pub mod structure;
 pub mod verdict;
 pub mod vicinity;

@@ -24,6 +24,14 @@ type Seen = (usize, [u64; 3], Vec<usize>);
 pub struct Memory {
     motions: Mutex<HashMap<(usize, Placed), Arc<Vec<Motion>>>>,
     looks: Mutex<HashMap<Seen, Look>>,
+    similar: Mutex<HashMap<(usize, Vec<usize>), Vec<Similar>>>,
+}
+
+/// What the walls of a map say at a pose, and the poses of the maps nearby.
+struct Similar {
+    pose: Se2,
+    placed: Vec<(usize, Se2)>,
+    evidence: WallEvidence,
 }
 
 #[derive(Clone)]
@@ -58,6 +66,29 @@ impl Memory {
             Look { pose, evidence, _merged: merged.clone() }
         });
         (look.pose, look.evidence)
+    }
+
+    /// What the walls of a map say at a pose next to some placed maps, or at one so close to it next to the same
+    /// maps, each as close to its place, that it says the same.
+    pub fn similar(
+        &self,
+        (map, x): (usize, &Se2),
+        placed: &[(usize, Se2)],
+        is_close: impl Fn(&Se2, &Se2) -> bool,
+        work_out: impl FnOnce() -> WallEvidence,
+    ) -> WallEvidence {
+        let key = (map, placed.iter().map(|(m, _)| *m).collect::<Vec<usize>>());
+        let lock = || self.similar.lock().unwrap_or_else(PoisonError::into_inner);
+        let fits = |s: &&Similar| {
+            is_close(&s.pose, x) && s.placed.iter().zip(placed).all(|(a, b)| is_close(&a.1, &b.1))
+        };
+        if let Some(known) = lock().get(&key).and_then(|known| known.iter().find(fits)) {
+            return known.evidence;
+        }
+        let evidence = work_out();
+        let new = Similar { pose: *x, placed: placed.to_vec(), evidence };
+        lock().entry(key).or_default().push(new);
+        evidence
     }
 }
 

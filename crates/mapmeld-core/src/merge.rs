@@ -20,8 +20,10 @@ use crate::prior;
 use crate::registration::Registered;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
+use crate::stored::Store;
 use crate::verdict;
 use crate::virtual_robot::VirtualRobot;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
@@ -32,9 +34,21 @@ pub fn merge(
     config: &Config,
     observer: Observer,
 ) -> Result<Merge> {
+    merge_stored(grids, known, config, None, observer)
+}
+
+/// Merges maps; pairs that a store keeps are taken from there, and those that it lacks are left there.
+pub fn merge_stored(
+    grids: Vec<OccupancyGrid>,
+    known: &Known,
+    config: &Config,
+    store: Option<Arc<dyn Store>>,
+    observer: Observer,
+) -> Result<Merge> {
     config.validate()?;
     let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
-    let found = merge_with(&mut Cache::passing(), &grids, known, config, observer)?;
+    let mut cache = Cache::passing().with_store(store);
+    let found = merge_with(&mut cache, &grids, known, config, observer)?;
     // Whoever merges once wants the merged map.
     match found.components.iter().find_map(|c| c.fused.as_ref().err()) {
         Some(problem) => Err(problem.clone()),
@@ -249,7 +263,7 @@ fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
 }
 
 /// Where priors say that two maps lie to each other.
-fn prior_hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
+pub(crate) fn prior_hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
     let prior = |m: usize| known.priors.get(m).and_then(Option::as_ref);
     move |a, b| match (prior(a), prior(b)) {
         (Some(a), Some(b)) => vec![a.t_world_map.between(&b.t_world_map)],
@@ -257,7 +271,7 @@ fn prior_hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send
     }
 }
 
-fn check_known(known: &Known, n: usize) -> Result<()> {
+pub(crate) fn check_known(known: &Known, n: usize) -> Result<()> {
     let fail = |key: &str, problem: String| Err(Error::Config { key: key.into(), problem });
     if let Some(r) = known.references.iter().find(|r| **r >= n) {
         return fail("reference", format!("index {r} of {n} maps"));

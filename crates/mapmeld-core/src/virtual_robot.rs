@@ -27,6 +27,8 @@ use std::sync::Arc;
 
 /// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
 const NOISE: (f64, f64) = (0.2, 0.04);
+/// From more maps than this on, particles share what they weigh.
+const MANY: usize = 40;
 
 /// A possible next pose of the virtual robot.
 #[derive(Debug, Clone)]
@@ -201,8 +203,20 @@ impl VirtualRobot<'_> {
         // Layers far away have nothing to say.
         let circle = Circle::around(&self.maps[map].grid, &x);
         let near: Vec<&Layer> = merged.near(&circle).collect();
+        if self.is_large() && self.parts.is_none() {
+            let center = self.maps[map].center.unwrap_or_default();
+            let is_close = |a: &Se2, b: &Se2| a.is_close_at(b, center, NOISE.0, NOISE.1);
+            let placed: Vec<(usize, Se2)> = near.iter().map(|l| (l.map, l.t_world_map)).collect();
+            let look = || self.look_at(&near, map, x).1;
+            return (x, self.memory.similar((map, &x), &placed, is_close, look));
+        }
         let at = near.iter().map(|l| std::ptr::from_ref(*l) as usize).collect();
         self.memory.look((map, &x), (merged, at), || self.look_at(&near, map, x))
+    }
+
+    /// Whether there are so many maps that particles cannot each weigh all of them anew.
+    fn is_large(&self) -> bool {
+        self.maps.len() > MANY
     }
 
     fn look_at(&self, near: &[&Layer], map: usize, x: Se2) -> (Se2, WallEvidence) {
@@ -329,6 +343,12 @@ impl Model for VirtualRobot<'_> {
             }
             left = rest;
         }
+        if self.is_large() {
+            // One order for all particles, that of the surest next: else no two of them would place the same maps
+            // before the very end, and each would have to weigh all by itself.
+            let surest = modes.iter().map(|m| (m.any, m.map)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+            modes.retain(|m| Some(m.map) == surest.map(|(_, map)| map));
+        }
         modes
     }
 
@@ -383,6 +403,11 @@ impl Model for VirtualRobot<'_> {
         self.fold(merged, mode.map, t_world_map, mode.any)
     }
 
+    /// What [`Memory::similar`] answers hangs on who asked first.
+    fn learns(&self) -> bool {
+        self.is_large()
+    }
+
     /// Particles that tell the same story, in whatever order, differ by the noise of their draws alone. The
     /// joint refinement settles that; it is not worth weighing every map anew for each of them.
     fn is_same(&self, a: &Overlay, b: &Overlay) -> bool {
@@ -391,7 +416,9 @@ impl Model for VirtualRobot<'_> {
         }
         let is_close = |x: &Layer, y: &Layer| {
             let center = self.maps[x.map].center.unwrap_or_default();
-            x.t_world_map.is_close_at(&y.t_world_map, center, NOISE.0, NOISE.1)
+            // Of a thousand maps one is always drawn a little farther off: what counts is that the world is the same.
+            let (distance, angle) = if self.is_large() { SAME_WORLD } else { NOISE };
+            x.t_world_map.is_close_at(&y.t_world_map, center, distance, angle)
         };
         // Most particles place the same maps one after the other.
         for (x, y) in a.layers().zip(b.layers()) {

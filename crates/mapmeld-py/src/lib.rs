@@ -5,6 +5,7 @@ mod fuse;
 mod local_map;
 mod merge;
 mod session;
+mod store;
 mod watch;
 
 use pyo3::prelude::*;
@@ -23,6 +24,10 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(local_map::candidates, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::partners, m)?)?;
     m.add_function(wrap_pyfunction!(fuse::fuse, m)?)?;
+    m.add_class::<store::Store>()?;
+    m.add_function(wrap_pyfunction!(store::plan, m)?)?;
+    m.add_function(wrap_pyfunction!(store::register_batch, m)?)?;
+    m.add_function(wrap_pyfunction!(store::registration_digest, m)?)?;
     m.add_function(wrap_pyfunction!(merge::merge, m)?)?;
     Ok(())
 }

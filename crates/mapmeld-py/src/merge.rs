@@ -2,19 +2,22 @@
 
 use crate::convert;
 use crate::local_map::mode;
+use crate::store::Store;
 use crate::watch::{watched, Tell};
-use mapmeld_core::merge::merge as core_merge;
+use mapmeld_core::grid::OccupancyGrid;
+use mapmeld_core::merge::merge_stored;
 use mapmeld_core::result::{Known, Merge};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
+pub type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
 /// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
-/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C.
+/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C. `store` keeps
+/// registered pairs.
 #[pyfunction]
-#[pyo3(signature = (maps, config, order=None, reference=None, progress=None))]
+#[pyo3(signature = (maps, config, order=None, reference=None, progress=None, store=None))]
 pub fn merge<'py>(
     py: Python<'py>,
     maps: Vec<Given<'py>>,
@@ -22,17 +25,25 @@ pub fn merge<'py>(
     order: Option<Vec<usize>>,
     reference: Option<usize>,
     progress: Option<Py<PyAny>>,
+    store: Option<PyRef<'py, Store>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let config = convert::config(config)?;
-    let grids = maps
-        .into_iter()
-        .map(|(name, data, resolution, origin)| convert::grid(name, &data, resolution, origin))
-        .collect::<PyResult<Vec<_>>>()?;
+    let grids = grids(maps)?;
+    let store = store.map(|store| store.shared());
     let references = reference.into_iter().collect();
     let known = Known { order, references, ..Known::default() };
-    let work = move |tell: Tell| core_merge(grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
+    let work = move |tell: Tell| {
+        merge_stored(grids, &known, &config, store, &|s, d, t| tell.tell(s, d, t))
+    };
     let found = watched(py, progress, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
+}
+
+pub fn grids(maps: Vec<Given>) -> PyResult<Vec<OccupancyGrid>> {
+    let grid = |(name, data, resolution, origin): Given| {
+        convert::grid(name, &data, resolution, origin)
+    };
+    maps.into_iter().map(grid).collect()
 }
 
 pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {

@@ -1,10 +1,10 @@
 """How many of the pairs that share walls the index of partners proposes.
 
-    python benchmarks/partners.py                    # simulated floors, and the shared recorded cases where they are
-    python benchmarks/partners.py --maps 30          # smaller floors, for a test of this script
+    python benchmarks/partners.py                # simulated floors, and the shared recorded cases
+    python benchmarks/partners.py --maps 30      # smaller floors, for a test of this script
 
 A pair is proposed with K partners when either map is among the K most promising ones of the other. Recorded
-cases are searched among the maps of all other buildings, and of a simulated floor, which they have nothing in common with.
+cases are searched among the maps of all other buildings and of a simulated floor.
 Prints Markdown.
 """
 
@@ -52,14 +52,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         "floor": floor_options(args.maps, 11),
         "floor, light drift": floor_options(args.maps, 12, drift=1.0),
         "floor, 0.05 m cells": floor_options(args.maps, 13, resolution=0.05),
-        "maze": floor_options(args.maps, 14, "maze", density=0.8),
+        "maze": SimulateOptions(
+            world="maze", size=(30.0, 30.0), robots=args.maps, seed=14, density=0.8, region_radius=4.0
+        ),
     }
     strangers: list[Any] = []
     for name, options in floors.items():
-        if name == "maze":
-            options = SimulateOptions(
-                world="maze", size=(30.0, 30.0), robots=args.maps, seed=14, density=0.8, region_radius=4.0
-            )
         bench_report.tell(f"simulating {name}")
         case = simulate(options)
         maps = prepared(case.maps)

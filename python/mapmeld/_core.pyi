@@ -23,8 +23,8 @@ __all__ = [
     "fuse",
     "merge",
     "partners",
-    "plan",
     "perceive",
+    "plan",
     "register",
     "register_batch",
     "registration_digest",
@@ -197,6 +197,7 @@ def merge(
     store: Store | None = None,
 ) -> _Merge: ...
 def partners(maps: Sequence[LocalMap], config: str) -> list[list[tuple[int, float]]]: ...
+
 @final
 class Store:
     def __new__(cls, folder: PathLike[str] | str | None = None) -> Store: ...

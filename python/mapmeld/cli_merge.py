@@ -98,7 +98,7 @@ def merge(
         str | None,
         typer.Option(
             metavar="ADDRESS",
-            help="Dask scheduler whose workers register the pairs, tcp://host:8786; local: one on this machine.",
+            help="Dask scheduler whose workers register pairs, tcp://host:8786; local: this machine's cores.",
             show_default=False,
         ),
     ] = None,

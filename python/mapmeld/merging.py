@@ -54,7 +54,7 @@ def merge(
         `order` or, without one, the map with the most in common with others.
     config: options, nested by stage and partial; see default_config.
     progress: called between pieces of work, on the calling thread; what it raises ends the merge.
-    cache: folder in which registered pairs are kept for the next merge, made if need be; several processes may
+    cache: folder in which registered pairs are kept for the next merge, made if need be; several may
         use it at once. A damaged file is warned of, and registered anew. The result is the same.
     dask: address of a dask scheduler whose workers register the pairs, as tcp://host:8786, or "local" for a
         cluster of this machine's cores; needs dask.distributed. The result is the same.

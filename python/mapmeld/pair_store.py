@@ -7,14 +7,16 @@ from pathlib import Path
 from mapmeld import _core
 from mapmeld.errors import MapmeldError
 
-_TAG = "Signature: 8a477f597d28d172789f06886806bc55\n# This folder is a cache of mapmeld; it may be deleted.\n"
+_TAG = (
+    "Signature: 8a477f597d28d172789f06886806bc55\n# This folder is a cache of mapmeld; it may be deleted.\n"
+)
 
 
 class PairStore:
     """Registered pairs by what their maps show, on disk or, without a folder, in memory.
 
     A pair is found again when its two maps show the same, whatever they are called, the options of the stages
-    before the filter are the same, and so is the code. A file that is damaged is registered anew and replaced.
+    before the filter are the same, and so is the code. A damaged file is registered anew and replaced.
 
     Raises MapmeldError for a folder that cannot be made.
     """

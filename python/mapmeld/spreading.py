@@ -1,8 +1,8 @@
 """Registration of pairs on the workers of a dask cluster; the joint stage stays here.
 
-A merge's pairs are planned here, sent out in batches and kept in the store as they come back; the merge then finds
-them there. Workers register what a single machine would have, so the result is the same bit for bit. A batch whose
-worker dies is sent to another one by dask.
+A merge's pairs are planned here, sent out in batches and kept in the store as they come back; the merge then
+finds them there. Workers register what a single machine would have, so the result is the same bit for bit. A
+batch whose worker dies is sent to another one by dask.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 BATCH = 20
 """Pairs of a batch: a second or so of work, so that what is sent weighs little against it."""
 _RETRIES = 3
-"""How often a batch is tried again, whatever went wrong with it."""
+"""How often dask tries a batch again on its own."""
+_ROUNDS = 4
+"""How often batches are sent whose maps were lost with the workers that had them."""
 
 Given = tuple[str, Any, float, Any]
 """A map as the core takes it: name, data, resolution, origin."""
@@ -54,35 +56,50 @@ def register_spread(
     missing = [pair for pair in plan if not store.has(pair[3])]
     if not missing:
         return 0
+    task = (single_threaded(config), _core.registration_digest(config))
+    done = 0
     with _client(distributed, address) as client:
-        # By content: maps that a worker has need not be sent again.
-        scattered = client.scatter(given, hash=True)
-        expected = _core.registration_digest(config)
-        keys: dict[str, list[str]] = {}
-        futures = []
-        for batch in batches(missing, BATCH):
-            involved = sorted({m for pair in batch for m in pair[:2]})
-            place = {m: k for k, m in enumerate(involved)}
-            pairs = [(place[a], place[b], hints) for a, b, hints, _ in batch]
-            future = client.submit(
-                register_batch,
-                [scattered[m] for m in involved],
-                pairs,
-                single_threaded(config),
-                expected,
-                retries=_RETRIES,
-                pure=False,
-            )
-            keys[future.key] = [key for *_, key in batch]
-            futures.append(future)
-        done = 0
-        for future, found in distributed.as_completed(futures, with_results=True, loop=client.loop):
-            for key, pair in zip(keys[future.key], found, strict=True):
-                store.put(key, pair)
-            done += len(found)
-            if progress is not None:
-                progress("register", done, len(missing))
-    return len(missing)
+        left = list(batches(missing, BATCH))
+        for _ in range(_ROUNDS):
+            lost = []
+            for batch, found in _round(distributed, client, given, left, task):
+                if found is None:
+                    lost.append(batch)
+                    continue
+                for (*_, key), pair in zip(batch, found, strict=True):
+                    store.put(key, pair)
+                done += len(found)
+                if progress is not None:
+                    progress("register", done, len(missing))
+            if not lost:
+                return len(missing)
+            left = lost
+    raise MapmeldError("dask: workers were lost again and again; look at their logs, or leave --dask out")
+
+
+def _round(
+    distributed: Any, client: Any, given: list[Given], work: list[list[Planned]], task: tuple[str, str]
+) -> Iterator[tuple[list[Planned], list[bytes] | None]]:
+    """Sends batches out; each as it comes back. None: maps were lost with a worker before it was done."""
+    # By content, to every worker: a map outlives all but the last of them, and is sent once.
+    involved = sorted({m for batch in work for pair in batch for m in pair[:2]})
+    sent = client.scatter([given[m] for m in involved], hash=True, broadcast=True)
+    scattered = dict(zip(involved, sent, strict=True))
+    batch_of = {}
+    for batch in work:
+        own = sorted({m for pair in batch for m in pair[:2]})
+        place = {m: k for k, m in enumerate(own)}
+        pairs = [(place[a], place[b], hints) for a, b, hints, _ in batch]
+        maps = [scattered[m] for m in own]
+        future = client.submit(register_batch, maps, pairs, *task, retries=_RETRIES, pure=False)
+        batch_of[future] = batch
+    for future in distributed.as_completed(list(batch_of), loop=client.loop):
+        if future.status == "error":
+            error = future.exception()
+            if isinstance(error, MapmeldError):
+                raise error
+            raise MapmeldError(f"dask: a worker failed ({type(error).__name__}: {error})") from error
+        yield batch_of[future], future.result() if future.status == "finished" else None
 
 
 def single_threaded(config: str) -> str:
@@ -118,7 +135,7 @@ def _dask() -> Any:
 
 @contextmanager
 def _client(distributed: Any, address: str) -> Iterator[Any]:
-    """A client of the scheduler, or of a cluster of its own; what it began is cancelled when it is left early."""
+    """A client of the scheduler, or of a cluster of its own; both end with it."""
     cluster = None
     if address == "local":
         cluster = distributed.LocalCluster(threads_per_worker=1, dashboard_address=None)
@@ -127,7 +144,7 @@ def _client(distributed: Any, address: str) -> Iterator[Any]:
             client = distributed.Client(cluster or address, timeout="10s", set_as_default=False)
         except (OSError, TimeoutError, ValueError) as e:
             raise MapmeldError(
-                f"dask: no scheduler answers at {address!r} ({e}); give its address, as tcp://host:8786, or local"
+                f"dask: no scheduler answers at {address!r} ({e}); give tcp://host:8786, or local"
             ) from e
         with client:
             if not client.scheduler_info()["workers"]:

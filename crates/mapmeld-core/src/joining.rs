@@ -46,11 +46,7 @@ pub(crate) fn join(
 
 /// Pairs of clusters that are worth registering: all of a few; of many, those of whose members some pair was
 /// registered.
-fn worth_joining(
-    clusters: &[Cluster],
-    pairs: &PairTable,
-    config: &Config,
-) -> Vec<(usize, usize)> {
+fn worth_joining(clusters: &[Cluster], pairs: &PairTable, config: &Config) -> Vec<(usize, usize)> {
     let n = clusters.len();
     let all = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
     if partners::are_all(n, config) {

@@ -104,10 +104,7 @@ fn key(kinds: (u64, u64), u: i64, v: i64, turn: i64) -> u64 {
 }
 
 /// Pairs of marks of a map; `each` gets where the second lies as seen from the first.
-fn each_word(
-    marks: &[Mark],
-    mut each: impl FnMut((u64, u64), (f64, f64, f64), (Vec2, f64)),
-) {
+fn each_word(marks: &[Mark], mut each: impl FnMut((u64, u64), (f64, f64, f64), (Vec2, f64))) {
     for a in marks {
         // The first mark is never of the later kind: one of two words that say the same is enough.
         for b in marks.iter().filter(|b| b.kind >= a.kind) {
@@ -273,11 +270,13 @@ fn near_by_priors(maps: &[LocalMap], known: &Known) -> Vec<(usize, usize)> {
     let circle = |(m, prior): (usize, &Option<Prior>)| {
         let prior = prior.as_ref()?;
         let mut circle = Circle::around(&maps[m].grid, &prior.t_world_map);
-        circle.radius += 3.0 * (prior.covariance[(0, 0)] + prior.covariance[(1, 1)]).max(0.0).sqrt();
+        circle.radius +=
+            3.0 * (prior.covariance[(0, 0)] + prior.covariance[(1, 1)]).max(0.0).sqrt();
         Some((m, circle))
     };
     let placed: Vec<_> = known.priors.iter().enumerate().filter_map(circle).collect();
-    let two = placed.iter().enumerate().flat_map(|(k, a)| placed[k + 1..].iter().map(move |b| (a, b)));
+    let two =
+        placed.iter().enumerate().flat_map(|(k, a)| placed[k + 1..].iter().map(move |b| (a, b)));
     two.filter(|(a, b)| a.1.is_near(&b.1)).map(|(a, b)| (a.0, b.0)).collect()
 }
 

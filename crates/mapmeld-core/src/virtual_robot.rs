@@ -10,9 +10,9 @@ use crate::local_map::LocalMap;
 use crate::memory::{Memory, Motion};
 use crate::pair_table::PairTable;
 use crate::parallel;
-use crate::perception::psi::Comparison;
 use crate::perception::overlay::Layer;
 use crate::perception::placed::Placed;
+use crate::perception::psi::Comparison;
 use crate::perception::{gamma, placed, pool, psi, Overlay, WallEvidence};
 use crate::prior::{self, Fit, Prior};
 use crate::registration::pair::log_search_volume;
@@ -147,9 +147,7 @@ impl VirtualRobot<'_> {
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut kept: Vec<Motion> = Vec::new();
         for (support, x, covariance) in found {
-            let same = |k: &&mut Motion| {
-                k.1.is_close_at(&x, center, SAME_WORLD.0, SAME_WORLD.1)
-            };
+            let same = |k: &&mut Motion| k.1.is_close_at(&x, center, SAME_WORLD.0, SAME_WORLD.1);
             match kept.iter_mut().find(same) {
                 Some(k) => k.0 += support.max(0.0),
                 None => kept.push((support, x, covariance)),
@@ -243,12 +241,7 @@ impl VirtualRobot<'_> {
 
     /// Perception model (paper, section 4) of the poses at which a map may lie; none when the evidence does
     /// not carry a merge.
-    fn perceive(
-        &self,
-        here: &Here,
-        map: usize,
-        motions: &[Motion],
-    ) -> Vec<NextPose> {
+    fn perceive(&self, here: &Here, map: usize, motions: &[Motion]) -> Vec<NextPose> {
         let merged = here.merged;
         let center = self.maps[map].center.unwrap_or_default();
         let mut seen: Vec<(Se2, Matrix3<f64>, WallEvidence)> = Vec::new();
@@ -346,7 +339,8 @@ impl Model for VirtualRobot<'_> {
         if self.is_large() {
             // One order for all particles, that of the surest next: else no two of them would place the same maps
             // before the very end, and each would have to weigh all by itself.
-            let surest = modes.iter().map(|m| (m.any, m.map)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+            let surest =
+                modes.iter().map(|m| (m.any, m.map)).reduce(|a, b| if b.0 > a.0 { b } else { a });
             modes.retain(|m| Some(m.map) == surest.map(|(_, map)| map));
         }
         modes

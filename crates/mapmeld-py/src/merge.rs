@@ -40,9 +40,8 @@ pub fn merge<'py>(
 }
 
 pub fn grids(maps: Vec<Given>) -> PyResult<Vec<OccupancyGrid>> {
-    let grid = |(name, data, resolution, origin): Given| {
-        convert::grid(name, &data, resolution, origin)
-    };
+    let grid =
+        |(name, data, resolution, origin): Given| convert::grid(name, &data, resolution, origin);
     maps.into_iter().map(grid).collect()
 }
 

@@ -157,7 +157,8 @@ pub fn plan(
 ) -> PyResult<Vec<(usize, usize, Hints, String)>> {
     let (config, grids) = (convert::config(config)?, grids(maps)?);
     let known = Known { order, ..Known::default() };
-    let work = move |tell: Tell| batch::plan(&grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
+    let work =
+        move |tell: Tell| batch::plan(&grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
     let found = watched(py, progress, work)?.map_err(convert::to_py_err)?;
     let hints = |p: &batch::Planned| p.hints.iter().map(|t| t.to_array()).collect();
     Ok(found.into_iter().map(|p| (p.a, p.b, hints(&p), p.key)).collect())

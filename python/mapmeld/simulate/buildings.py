@@ -41,7 +41,7 @@ def office(rng: np.random.Generator, size: Size | None, thickness: float) -> Flo
 
 
 def floor(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
-    """A floor of any extent: corridors with offices on both sides every 13 m or so, cross corridors every 30 m."""
+    """A floor of any extent: corridors with offices on both sides every 13 m or so, cross ones every 30 m."""
     width, height = _size(size, (100.0, 100.0), (20.0, 12.0), "a floor")
     rows = max(1, round(height / 13.0))
     corridors = rng.uniform(*_CORRIDOR, rows)
@@ -66,11 +66,11 @@ def floor(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
                 plan.floor(start, previous, start + crossing, low)
                 crossings.append((start, start + crossing))
         edges = [0.0, *(x for crossing in crossings for x in crossing), width]
-        for x in pairwise(edges):
-            if x not in crossings:
+        for span in pairwise(edges):
+            if span not in crossings:
                 if k:
-                    row_of_rooms(plan, rng, x, previous, base)
-                row_of_rooms(plan, rng, x, low, base)
+                    row_of_rooms(plan, rng, span, previous, base)
+                row_of_rooms(plan, rng, span, low, base)
         base, previous = far, high
     row_of_rooms(plan, rng, (0.0, width), previous, base)
     return plan

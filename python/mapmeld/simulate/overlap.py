@@ -48,7 +48,9 @@ class PlacedMap:
         if self._box is None or other._box is None:
             return True
         apart = 1.0 + 4 * max(self.grid.resolution, other.grid.resolution)
-        return bool((self._box[0] > other._box[1] + apart).any() or (other._box[0] > self._box[1] + apart).any())
+        return bool(
+            (self._box[0] > other._box[1] + apart).any() or (other._box[0] > self._box[1] + apart).any()
+        )
 
     def knows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether each world point, shape (n, 2), lies in a known cell."""

@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         return
     limits = [
         "Peak memory is the largest resident set of the process (getrusage), Python and the maps included.",
-        f"Right: within {RIGHT} m of the truth in the frame that most maps of its component fit; wrong: placed "
+        f"Right: within {RIGHT} m of the truth in the frame that most maps of a component fit; wrong: placed "
         "with others and farther off. The other maps are alone.",
     ]
     text = bench_report.header("Scaling", limits, ("distributed",))

@@ -19,12 +19,14 @@ type Placed = Vec<(usize, [u64; 3])>;
 /// A map, the bits of its pose, and the layers nearby, by where they are kept.
 type Seen = (usize, [u64; 3], Vec<usize>);
 
+type Known<K, V> = Mutex<HashMap<K, V>>;
+
 /// See the module's text.
 #[derive(Default)]
 pub struct Memory {
-    motions: Mutex<HashMap<(usize, Placed), Arc<Vec<Motion>>>>,
-    looks: Mutex<HashMap<Seen, Look>>,
-    similar: Mutex<HashMap<(usize, Vec<usize>), Vec<Similar>>>,
+    motions: Known<(usize, Placed), Arc<Vec<Motion>>>,
+    looks: Known<Seen, Look>,
+    similar: Known<(usize, Vec<usize>), Vec<Similar>>,
 }
 
 /// What the walls of a map say at a pose, and the poses of the maps nearby.
@@ -98,7 +100,7 @@ fn bits(t: &Se2) -> [u64; 3] {
 
 /// The value of a key, worked out without holding the lock if it is not known.
 fn remembered<K: Eq + Hash, V: Clone>(
-    known: &Mutex<HashMap<K, V>>,
+    known: &Known<K, V>,
     key: K,
     work_out: impl FnOnce() -> V,
 ) -> V {

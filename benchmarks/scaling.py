@@ -43,9 +43,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--maps", type=int, nargs="*", default=[10, 20, 50, 100])
-    parser.add_argument("--corners", action="store_true", help="vary the corners of a map, at 50 maps")
-    parser.add_argument("--particles", action="store_true", help="vary the particles, at 50 maps")
-    parser.add_argument("--dask", action="store_true", help="1 and 2 workers, at 50 maps, and a simulation")
+    parser.add_argument("--corners", action="store_true", help="vary the corners of a map")
+    parser.add_argument("--particles", action="store_true", help="vary the particles")
+    parser.add_argument("--dask", action="store_true", help="1 and 2 workers, and a simulation")
+    parser.add_argument("--held", type=int, default=50, help="maps where something else is varied")
     parser.add_argument("--case", type=Path, action="append", default=[], help="folder of a case")
     parser.add_argument("--cache", type=Path, help="folder of registered pairs, for all runs")
     parser.add_argument("--threads", type=int, help="of the core; all cores")
@@ -65,9 +66,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folders = [str(f) for f in args.case] or [_case(Path(scratch), n, args.seed) for n in args.maps]
         shared: dict[str, Any] = {"threads": args.threads, "cache": args.cache and str(args.cache)}
-        runs = [_run({**shared, "case": folder}) for folder in folders]
-        text += f"\n## Maps\n\n{_table(runs)}{_exponents(runs)}"
-        held = _case(Path(scratch), 50, args.seed) if args.corners or args.particles or args.dask else ""
+        if folders:
+            runs = [_run({**shared, "case": folder}) for folder in folders]
+            text += f"\n## Maps\n\n{_table(runs)}{_exponents(runs)}"
+        held = (
+            _case(Path(scratch), args.held, args.seed) if args.corners or args.particles or args.dask else ""
+        )
         if args.corners:
             runs = [_run({**shared, "case": held, "corners": c}) for c in (5, 10, 20)]
             text += f"\n## Corners, at most\n\n{_table(runs)}"

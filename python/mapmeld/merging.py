@@ -209,6 +209,10 @@ def result_of(
     for name, p in zip(names, found["maps"], strict=True):
         if p["component"] is not None:
             places.setdefault(p["component"], {})[name] = _array(p["T_component_map"])
+    pairs_of: dict[str, list[Pair]] = {}
+    for pair in pairs:
+        pairs_of.setdefault(pair.a, []).append(pair)
+        pairs_of.setdefault(pair.b, []).append(pair)
     maps = []
     for name, p in zip(names, found["maps"], strict=True):
         component = p["component"]
@@ -225,7 +229,15 @@ def result_of(
                 covariance=None if T is None else _array(p["covariance"]),
                 status=p["status"],
                 probability=_share(p["probability"]),
-                reason=reason(name, p["status"], places.get(component, {}), pairs, hypotheses, centres),
+                reason=reason(
+                    name,
+                    p["status"],
+                    places.get(component, {}),
+                    # Of a map that was registered with none, that there are others.
+                    pairs_of.get(name, pairs[:1]),
+                    hypotheses,
+                    centres,
+                ),
             )
         )
     return MergeResult(

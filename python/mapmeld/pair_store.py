@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from mapmeld import _core
@@ -10,6 +11,10 @@ from mapmeld.errors import MapmeldError
 _TAG = (
     "Signature: 8a477f597d28d172789f06886806bc55\n# This folder is a cache of mapmeld; it may be deleted.\n"
 )
+
+
+_STALE = 3600.0
+"""Age of a file, in seconds, after which nobody is still writing it."""
 
 
 class PairStore:
@@ -30,6 +35,10 @@ class PairStore:
             raise MapmeldError(f"cache {self.folder}: is a file; give a folder")
         try:
             self._store = _core.Store(self.folder)
+            for left in self.folder.glob("*/.*.tmp"):
+                # Of a process that ended while it wrote; younger ones may be under way.
+                if time.time() - left.stat().st_mtime > _STALE:
+                    left.unlink(missing_ok=True)
             tag = self.folder / "CACHEDIR.TAG"
             if not tag.exists():
                 tag.write_text(_TAG, encoding="ascii")

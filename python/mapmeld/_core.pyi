@@ -5,6 +5,7 @@ JSON text, partial or whole. mapmeld.merging and mapmeld.map_features are the sa
 """
 
 from collections.abc import Callable, Sequence
+from os import PathLike
 from typing import Any, NotRequired, TypedDict, final
 
 import numpy as np
@@ -17,14 +18,19 @@ __all__ = [
     "SAME_WORLD",
     "LocalMap",
     "Session",
+    "Store",
     "__version__",
     "candidates",
     "default_config",
     "effective_config",
     "fuse",
     "merge",
+    "partners",
     "perceive",
+    "plan",
     "register",
+    "register_batch",
+    "registration_digest",
     "weigh",
 ]
 
@@ -213,4 +219,26 @@ def merge(
     relations: Sequence[_Relation] = ...,
     forbidden: Sequence[tuple[str, str]] = ...,
     listener: Callable[[str, float, dict[str, Any]], object] | None = None,
+    store: Store | None = None,
 ) -> _Merge: ...
+def partners(maps: Sequence[LocalMap], config: str) -> list[list[tuple[int, float]]]: ...
+
+@final
+class Store:
+    def __new__(cls, folder: PathLike[str] | str | None = None) -> Store: ...
+    def put(self, key: str, bytes: bytes) -> None: ...
+    def has(self, key: str) -> bool: ...
+    def failures(self) -> tuple[int, int]: ...
+
+def plan(
+    maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],
+    config: str,
+    order: Sequence[int] | None = None,
+    progress: Callable[[str, int, int], object] | None = None,
+) -> list[tuple[int, int, list[tuple[float, float, float]], str]]: ...
+def register_batch(
+    maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],
+    pairs: Sequence[tuple[int, int, Sequence[Sequence[float]]]],
+    config: str,
+) -> list[bytes]: ...
+def registration_digest(config: str) -> str: ...

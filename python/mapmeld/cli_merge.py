@@ -107,6 +107,22 @@ def merge(
         list[str] | None,
         typer.Option(metavar="A,B", help=cli_known.FORBID_HELP, show_default=False),
     ] = None,
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder that keeps registered pairs: the next merge registers only those of changed maps.",
+            show_default=False,
+        ),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Dask scheduler whose workers register pairs, tcp://host:8786; local: this machine's cores.",
+            show_default=False,
+        ),
+    ] = None,
     json: Annotated[
         Path | None,
         typer.Option(metavar="PATH", help="Also write result.json there; - prints it.", show_default=False),
@@ -178,6 +194,7 @@ def merge(
         write_result,
         write_session,
     )
+    from mapmeld.pair_store import PairStore
     from mapmeld.session_file import Session
 
     with contextlib.ExitStack() as stack:
@@ -192,6 +209,7 @@ def merge(
                 saved_session.check(grids, session)
             read_seconds = time.perf_counter() - started
             listener = extras.listen(stack, grids)
+            store = None if cache is None else PairStore(cache)
             result = merge_maps(
                 grids,
                 order=names,
@@ -200,6 +218,8 @@ def merge(
                 known=known,
                 progress=progress,
                 listener=listener,
+                cache=store,
+                dask=dask,
             )
         extra = {"read": read_seconds}
         if out is not None:
@@ -224,7 +244,8 @@ def merge(
         extras.save()
         if out is not None:
             out.commit()
-    _tell(result, inputs, output, json, quiet, verbose)
+    troubles = [] if store is None else store.warnings()
+    _tell(result, inputs, output, json, quiet, verbose, troubles)
 
 
 def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:
@@ -296,6 +317,7 @@ def _tell(
     json: Path | None,
     quiet: bool,
     verbose: bool,
+    troubles: list[str],
 ) -> None:
     from mapmeld.cli_common import stdout_console
     from mapmeld.merge_view import details, summary_table, warnings
@@ -311,5 +333,5 @@ def _tell(
         if output is not None:
             console.print(f"Wrote {output} in {result.seconds['total']:.2f} s.", markup=False, soft_wrap=True)
     if not quiet:
-        for line in [*inputs.warnings, *warnings(result)]:
+        for line in [*inputs.warnings, *troubles, *warnings(result)]:
             print(f"mapmeld: warning: {line}", file=sys.stderr)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import operator
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, SupportsIndex
 
 import numpy as np
@@ -20,6 +22,7 @@ from mapmeld.grid import OccupancyGrid
 from mapmeld.known import Known, told
 from mapmeld.known_cells import known_centre
 from mapmeld.map_yaml import one_line
+from mapmeld.pair_store import PairStore
 from mapmeld.reasons import reason
 from mapmeld.result import Component, Hypothesis, HypothesisMap, MergeResult, Mode, Pair, PlacedMap
 
@@ -43,6 +46,8 @@ def merge(
     known: Known | None = None,
     progress: Progress | None = None,
     listener: Listener | None = None,
+    cache: str | Path | PairStore | None = None,
+    dask: str | None = None,
 ) -> MergeResult:
     """Merges maps whose frames are unknown to each other (VR-SLAM).
 
@@ -57,6 +62,10 @@ def merge(
         other. Where there are priors or pins, their world is the frame of the component with these maps.
     progress: called between pieces of work, on the calling thread; what it raises ends the merge. listener:
         hears of what happens, see mapmeld.events; without one nothing is told, and it costs nothing.
+    cache: folder in which registered pairs are kept for the next merge, made if need be; several may
+        use it at once. A damaged file is warned of, and registered anew. The result is the same.
+    dask: address of a dask scheduler whose workers register the pairs, as tcp://host:8786, or "local" for a
+        cluster of this machine's cores; needs dask.distributed. The result is the same.
 
     That maps do not overlap, or that two answers fit, is a value of the result. Raises MapmeldError for no
     maps, two of one name, an order, reference or known that names no map, and an order that does not begin
@@ -82,7 +91,15 @@ def merge(
             )
         )
 
+    store = cache if isinstance(cache, PairStore) else None if cache is None else PairStore(cache)
     started = time.perf_counter()
+    spread = 0
+    if dask is not None:
+        from mapmeld.spreading import register_spread
+
+        store = store or PairStore()
+        spread = register_spread(grids, names, options, sequence or None, dask, store, progress)
+    spread_seconds = {} if dask is None else {"spread": time.perf_counter() - started}
     found = _core.merge(
         [(n, g.data, g.resolution, g.origin) for n, g in zip(names, grids, strict=True)],
         json.dumps(options),
@@ -93,8 +110,13 @@ def merge(
         known.relations(),
         known.forbidden,
         listener,
+        None if store is None else store.core,
     )
-    seconds = {**found["seconds"], "merge": time.perf_counter() - started}
+    if store is not None and store is not cache:
+        for problem in store.warnings():
+            warnings.warn(problem, stacklevel=2)
+    found["registered_pairs"] += spread
+    seconds = {**spread_seconds, **found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
     return told(result_of(found, names, options, seconds, centres), known)
 
@@ -203,6 +225,10 @@ def result_of(
     for name, p in zip(names, found["maps"], strict=True):
         if p["component"] is not None:
             places.setdefault(p["component"], {})[name] = _array(p["T_component_map"])
+    pairs_of: dict[str, list[Pair]] = {}
+    for pair in pairs:
+        pairs_of.setdefault(pair.a, []).append(pair)
+        pairs_of.setdefault(pair.b, []).append(pair)
     maps = []
     for name, p in zip(names, found["maps"], strict=True):
         component = p["component"]
@@ -219,7 +245,15 @@ def result_of(
                 covariance=None if T is None else _array(p["covariance"]),
                 status=p["status"],
                 probability=_share(p["probability"]),
-                reason=reason(name, p["status"], places.get(component, {}), pairs, hypotheses, centres),
+                reason=reason(
+                    name,
+                    p["status"],
+                    places.get(component, {}),
+                    # Of a map that was registered with none, that there are others.
+                    pairs_of.get(name, pairs[:1]),
+                    hypotheses,
+                    centres,
+                ),
             )
         )
     return MergeResult(

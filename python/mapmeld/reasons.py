@@ -31,8 +31,8 @@ def reason(
 ) -> str:
     """The sentence for the map of that name.
 
-    placed: T_component_map of the maps in its component. pairs, hypotheses: those of the result. centres: of
-        the known cells of each map, map coordinates, metres.
+    placed: T_component_map of the maps in its component. pairs, hypotheses: those of the result; pairs of
+        other maps may be left out. centres: of the known cells of each map, map coordinates, metres.
     """
     if status == "blank":
         return "it holds no known cell, so it is placed nowhere"

@@ -153,7 +153,7 @@ class MergeResult:
 
     maps: in the order given. order: that of the largest component, empty when all maps are blank.
     probability: that all of `maps` is right, 0..1. hypotheses: most probable first. pairs: every pair of
-        maps.
+        maps, of more than 40 maps those that were worth registering.
     components: those of most maps first, blank maps last, one by one.
     seconds: wall time by stage. config: all options in effect. version: of Mapmeld. known: what was known of
         poses, None where nothing was.

@@ -216,6 +216,7 @@ fn travel(c: &mut Criterion) {
             rung: 0,
             known: &known,
             parts: None,
+            memory: Default::default(),
             config: &config,
         };
         let start = ParticleFilter::new(robot.start(0), 100, config.filter.resample_below, 1);

@@ -13,26 +13,29 @@ use crate::parallel;
 use crate::registration::{pair, Registered};
 use crate::result::{Observer, Stage};
 use crate::se2::Se2;
-use std::collections::hash_map::DefaultHasher;
+use crate::stored::{self, Store};
 use std::collections::HashMap;
-use std::hash::{Hash, Hasher};
+use std::hash::Hash;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 /// Merges for which something is kept that none of them used: those that were interrupted use little.
 const KEPT_FOR: u64 = 4;
 
-/// What a grid shows, in 128 bits. Names do not count.
+/// What a grid shows, in 128 bits, the same on every machine. Names do not count.
 pub type Digest = (u64, u64);
 
 /// The digest of a grid.
 pub fn digest(grid: &OccupancyGrid) -> Digest {
-    let half = |salt: u64| {
-        let mut hasher = DefaultHasher::new();
-        salt.hash(&mut hasher);
-        canonical::key(grid).hash(&mut hasher);
-        hasher.finish()
-    };
+    let (height, width, numbers, cells) = canonical::key(grid);
+    let mut hasher = blake3::Hasher::new();
+    for number in [height as u64, width as u64].into_iter().chain(numbers) {
+        hasher.update(&number.to_le_bytes());
+    }
+    let cells: Vec<u8> = cells.iter().map(|v| *v as u8).collect();
+    hasher.update(&cells);
+    let hash = *hasher.finalize().as_bytes();
+    let half = |k: usize| u64::from_le_bytes(std::array::from_fn(|i| hash[8 * k + i]));
     (half(0), half(1))
 }
 
@@ -68,6 +71,8 @@ pub struct Cache {
     looks: u64,
     /// Whether the merge that is under way did.
     has_looked: bool,
+    /// Where pairs are kept beyond this process.
+    store: Option<Arc<dyn Store>>,
 }
 
 impl Cache {
@@ -79,6 +84,11 @@ impl Cache {
     /// Keeps nothing: for one merge alone.
     pub fn passing() -> Self {
         Self::default()
+    }
+
+    /// Takes pairs from a store as well, and keeps there what it works out.
+    pub fn with_store(self, store: Option<Arc<dyn Store>>) -> Self {
+        Self { store, ..self }
     }
 
     fn now(&self) -> u64 {
@@ -152,24 +162,22 @@ impl Cache {
         }
     }
 
-    /// Every pair of some maps, each hinted at some transforms, and how many of them had to be registered. Those
+    /// Some pairs of some maps, each hinted at some transforms, and how many of them had to be registered. Those
     /// that were are kept even when the observer ends it.
     pub fn register(
         &mut self,
         Lent { maps, digests }: &Lent,
+        wanted: &[(usize, usize)],
         hints: impl Fn(usize, usize) -> Vec<Se2> + Sync + Send,
         config: &Config,
         observer: Observer,
     ) -> Result<(Vec<Registered>, usize)> {
-        let n = maps.len();
-        let all: Vec<(usize, usize)> =
-            (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
-        let hints: Vec<Vec<Se2>> = parallel::map(&all, |(a, b)| hints(*a, *b));
+        let hints: Vec<Vec<Se2>> = parallel::map(wanted, |(a, b)| hints(*a, *b));
         let bits = |t: &Se2| t.to_array().map(f64::to_bits);
         let key = |((a, b), hints): (&(usize, usize), &Vec<Se2>)| -> PairKey {
             (digests[*a], digests[*b], hints.iter().map(bits).collect())
         };
-        let keys: Vec<PairKey> = all.iter().zip(&hints).map(key).collect();
+        let keys: Vec<PairKey> = wanted.iter().zip(&hints).map(key).collect();
         if !std::mem::replace(&mut self.has_looked, true) {
             self.looks += 1;
         }
@@ -181,13 +189,16 @@ impl Cache {
             }
         }
         let missing = first_of_each(&keys, |key| !self.pairs.contains_key(key));
+        let missing = self.read_stored(missing, wanted, (&keys, &hints), config);
 
         let used = self.now();
         let seconds: Vec<Digest> = missing.iter().map(|k| keys[*k].1).collect();
         let unseen: Vec<usize> = first_of_each(&seconds, |key| !self.mirrors.contains_key(key))
             .into_iter()
-            .map(|k| all[missing[k]].1)
+            .map(|k| wanted[missing[k]].1)
             .collect();
+        let root = stored::root(config);
+        let stored_key = |k: usize| stored::key(&root, (keys[k].0, keys[k].1), &hints[k]);
         let mirrors = observed(&unseen, Stage::Register, observer, |b| maps[*b].mirrored(config));
         for (b, made) in unseen.iter().zip(mirrors.parts) {
             if let Some(value) = made {
@@ -196,9 +207,13 @@ impl Cache {
         }
         mirrors.whole?;
         let found = observed(&missing, Stage::Register, observer, |k| {
-            let (a, b) = all[*k];
+            let (a, b) = wanted[*k];
             let mirror = self.mirrors.get(&digests[b]).map(|kept| &kept.value);
-            pair::register(&maps[a], &maps[b], mirror, &hints[*k], (a, b), config)
+            let found = pair::register(&maps[a], &maps[b], mirror, &hints[*k], (a, b), config);
+            if let Some(store) = &self.store {
+                store.write(&stored_key(*k), &stored::encode(&found));
+            }
+            found
         });
         for (k, found) in missing.iter().zip(found.parts) {
             if let Some(value) = found {
@@ -214,15 +229,50 @@ impl Cache {
         if self.generation.is_none() {
             self.mirrors.clear();
         }
-        let told = all.iter().zip(&keys).map(|((a, b), key)| {
-            let kept = self.pairs.get(key).expect("registered above");
-            Registered { a: *a, b: *b, ..kept.value.clone() }
+        // Pairs of maps that show the same are one pair: the last of them may take it out.
+        let mut left: HashMap<&PairKey, usize> = HashMap::new();
+        keys.iter().for_each(|key| *left.entry(key).or_default() += 1);
+        let told = wanted.iter().zip(&keys).map(|((a, b), key)| {
+            let left = left.get_mut(key).expect("counted above");
+            *left -= 1;
+            let found = match self.generation {
+                None if *left == 0 => self.pairs.remove(key).map(|kept| kept.value),
+                _ => self.pairs.get(key).map(|kept| kept.value.clone()),
+            };
+            Registered { a: *a, b: *b, ..found.expect("registered above") }
         });
-        let told = told.collect();
-        if self.generation.is_none() {
-            self.pairs.clear();
+        Ok((told.collect(), missing.len()))
+    }
+
+    /// Takes what it can of the missing pairs from the store; gives those that it lacks.
+    fn read_stored(
+        &mut self,
+        missing: Vec<usize>,
+        wanted: &[(usize, usize)],
+        (keys, hints): (&[PairKey], &[Vec<Se2>]),
+        config: &Config,
+    ) -> Vec<usize> {
+        let Some(store) = &self.store else { return missing };
+        let root = stored::root(config);
+        let read = parallel::map(&missing, |k| {
+            let key = stored::key(&root, (keys[*k].0, keys[*k].1), &hints[*k]);
+            let found = stored::decode(&store.read(&key)?, wanted[*k]);
+            if found.is_none() {
+                store.unreadable(&key);
+            }
+            found
+        });
+        let mut left = Vec::new();
+        for (k, found) in missing.into_iter().zip(read) {
+            match found {
+                Some(value) => {
+                    let kept = Kept { value, used: self.looks };
+                    self.pairs.insert(keys[k].clone(), kept);
+                }
+                None => left.push(k),
+            }
         }
-        Ok((told, missing.len()))
+        left
     }
 }
 

@@ -8,6 +8,7 @@ use crate::registration::SAME_WORLD;
 use crate::result::Placement;
 use crate::se2::Se2;
 use nalgebra::Matrix3;
+use std::collections::HashMap;
 
 /// The standing of a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,11 +127,18 @@ pub fn worlds(maps: &[LocalMap], particles: &[Particle<Overlay>]) -> Vec<World> 
 }
 
 fn is_same_world(maps: &[LocalMap], a: &[(usize, Se2)], b: &[(usize, Se2)]) -> bool {
-    a.len() == b.len()
-        && a.iter().all(|(m, x)| {
-            let center = maps[*m].center.unwrap_or_default();
-            b.iter().any(|(k, y)| k == m && x.is_close_at(y, center, SAME_WORLD.0, SAME_WORLD.1))
-        })
+    let is_close = |m: usize, x: &Se2, y: &Se2| {
+        let center = maps[m].center.unwrap_or_default();
+        x.is_close_at(y, center, SAME_WORLD.0, SAME_WORLD.1)
+    };
+    if a.len() != b.len() {
+        return false;
+    }
+    if a.iter().zip(b).all(|((m, _), (k, _))| m == k) {
+        return a.iter().zip(b).all(|((m, x), (_, y))| is_close(*m, x, y));
+    }
+    let there: HashMap<usize, &Se2> = b.iter().map(|(m, y)| (*m, y)).collect();
+    a.iter().all(|(m, x)| there.get(m).is_some_and(|y| is_close(*m, x, y)))
 }
 
 /// Parts of the first world that lie sure in themselves: maps whose place relative to the part's first map the
@@ -138,16 +146,18 @@ fn is_same_world(maps: &[LocalMap], a: &[(usize, Se2)], b: &[(usize, Se2)]) -> b
 /// its first map's place had.
 pub fn parts(maps: &[LocalMap], worlds: &[World], least: f64) -> Vec<(Vec<World>, f64)> {
     let first = &worlds[0];
+    let poses: Vec<HashMap<usize, Se2>> =
+        worlds.iter().map(|w| w.poses.iter().copied().collect()).collect();
     // Whether a world puts a map where the first does, as seen from another map; none where it lacks one.
-    let agrees = |w: &World, lead: usize, map: usize| -> Option<bool> {
-        let seen = |w: &World| Some(w.pose(lead)?.between(&w.pose(map)?));
-        let (here, there) = (seen(first)?, seen(w)?);
+    let agrees = |w: usize, lead: usize, map: usize| -> Option<bool> {
+        let seen = |w: usize| Some(poses[w].get(&lead)?.between(poses[w].get(&map)?));
+        let (here, there) = (seen(0)?, seen(w)?);
         let center = maps[map].center.unwrap_or_default();
         Some(there.is_close_at(&here, center, SAME_WORLD.0, SAME_WORLD.1))
     };
     let total: f64 = worlds.iter().map(|w| w.probability).sum();
-    let weight = |f: &dyn Fn(&World) -> bool| -> f64 {
-        worlds.iter().filter(|w| f(w)).map(|w| w.probability).sum::<f64>()
+    let weight = |f: &dyn Fn(usize) -> bool| -> f64 {
+        (0..worlds.len()).filter(|w| f(*w)).map(|w| worlds[w].probability).sum::<f64>()
     };
     // Worlds without the map do not contradict its place.
     let agreement = |lead: usize, map: usize| -> f64 {

@@ -1,10 +1,9 @@
 //! Pairs whose match is known to be wrong: which walls are no evidence then, and where no map may lie.
 
-use crate::config::PerceptionConfig;
 use crate::local_map::LocalMap;
 use crate::pair_table::PairTable;
-use crate::perception::placed::{self, Placed};
-use crate::perception::{Layer, Overlay, WallEvidence};
+use crate::perception::placed::Placed;
+use crate::perception::Overlay;
 use crate::result::Known;
 use crate::se2::Se2;
 
@@ -39,24 +38,6 @@ pub(crate) fn evidence<'m>(
     } else {
         (all(a), few_b)
     }
-}
-
-/// Evidence of a map against a merged map, as [`placed::against`], from walls that may be.
-pub(crate) fn against(
-    maps: &[LocalMap],
-    merged: &Overlay,
-    map: usize,
-    t_world_map: &Se2,
-    known: &Known,
-    config: &PerceptionConfig,
-) -> WallEvidence {
-    if known.forbidden.is_empty() {
-        return placed::against(maps, merged, map, t_world_map, config);
-    }
-    let is_evidence = |l: &&Layer| !known.is_forbidden(l.map, map);
-    let others: Vec<Placed> = merged.layers().filter(is_evidence).map(|l| l.placed(maps)).collect();
-    let own = Placed { map: &maps[map], t_world_map: *t_world_map, samples: None };
-    placed::between(&others, &[own], config)
 }
 
 /// Whether two groups in one frame have a forbidden pair across where its walls match best.

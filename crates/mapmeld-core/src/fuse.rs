@@ -65,18 +65,25 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
     let rows: Vec<usize> = (0..height).collect();
     let lines = parallel::map(&rows, |row| {
         let mut line = Line::new(width);
-        let mut seen: Vec<Class> = Vec::with_capacity(placed.len());
-        let mut votes: Vec<(usize, Class)> = Vec::with_capacity(placed.len());
-        let locators: Vec<_> = placed.iter().map(|(g, t)| g.locator_from(&t.inverse())).collect();
+        // The maps that reach this row.
+        let here: Vec<usize> = (0..placed.len()).filter(|k| walls[*k].has_row(*row)).collect();
+        let mut seen: Vec<Class> = Vec::new();
+        let mut votes: Vec<(usize, Class)> = Vec::new();
+        let locator = |k: &usize| placed[*k].0.locator_from(&placed[*k].1.inverse());
+        let locators: Vec<_> = here.iter().map(locator).collect();
         for col in 0..width {
             let p = frame.cell_center(*row, col);
             seen.clear();
             votes.clear();
-            for (k, (g, _)) in placed.iter().enumerate() {
-                let class = if walls[k].contains(row * width + col) {
+            for (k, locator) in here.iter().copied().zip(&locators) {
+                if walls[k].index(*row, col).is_none() {
+                    continue;
+                }
+                let class = if walls[k].contains(*row, col) {
                     Class::Occupied
                 } else {
-                    locators[k].index(p).map_or(Class::Unknown, |i| class_of(g.cells()[i]))
+                    let cells = placed[k].0.cells();
+                    locator.index(p).map_or(Class::Unknown, |i| class_of(cells[i]))
                 };
                 if class != Class::Unknown {
                     seen.push(class);
@@ -85,7 +92,7 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
             }
             let as_seen = (config.rule != FuseRule::LogOdds).then(|| votes.clone());
             if seen.contains(&Class::Occupied) && seen.contains(&Class::Free) {
-                make_one(&mut votes, |k| walls[k].is_beside(*row, col, width, height));
+                make_one(&mut votes, |k| walls[k].is_beside(*row, col));
             }
             if config.rule == FuseRule::LogOdds {
                 seen.clear();
@@ -176,21 +183,36 @@ fn combine(seen: &[Class], occupied: usize, rule: FuseRule) -> i8 {
     }
 }
 
-/// Cells of the output that hold the centre of an occupied cell.
-struct WallCells(Vec<u64>);
+/// Cells of the output that hold the centre of an occupied cell of one map.
+struct WallCells {
+    /// The part of the output that the map may reach: first row and column, rows and columns.
+    window: [usize; 4],
+    bits: Vec<u64>,
+}
 
 impl WallCells {
+    /// Index of a cell in the window; none outside of it.
     #[inline(always)]
-    fn contains(&self, index: usize) -> bool {
-        self.0[index / 64] >> (index % 64) & 1 == 1
+    fn index(&self, row: usize, col: usize) -> Option<usize> {
+        let [first_row, first_col, rows, cols] = self.window;
+        let (r, c) = (row.wrapping_sub(first_row), col.wrapping_sub(first_col));
+        (r < rows && c < cols).then(|| r * cols + c)
+    }
+
+    #[inline(always)]
+    fn contains(&self, row: usize, col: usize) -> bool {
+        self.index(row, col).is_some_and(|k| self.bits[k / 64] >> (k % 64) & 1 == 1)
+    }
+
+    fn has_row(&self, row: usize) -> bool {
+        row.wrapping_sub(self.window[0]) < self.window[2]
     }
 
     /// Whether a wall runs beside the cell: one of the eight cells around is a wall. A gap between two opposite
     /// ones is not beside a wall but in it.
-    fn is_beside(&self, row: usize, col: usize, width: usize, height: usize) -> bool {
+    fn is_beside(&self, row: usize, col: usize) -> bool {
         let is_wall = |dr: isize, dc: isize| {
-            let (r, c) = (row.wrapping_add_signed(dr), col.wrapping_add_signed(dc));
-            r < height && c < width && self.contains(r * width + c)
+            self.contains(row.wrapping_add_signed(dr), col.wrapping_add_signed(dc))
         };
         let half = [(0, 1), (1, 1), (1, 0), (1, -1)].map(|(r, c)| (is_wall(r, c), is_wall(-r, -c)));
         half.iter().any(|(a, b)| *a || *b) && !half.iter().any(|(a, b)| *a && *b)
@@ -198,17 +220,39 @@ impl WallCells {
 }
 
 fn forward_walls(grid: &OccupancyGrid, t_world_map: &Se2, frame: &OccupancyGrid) -> WallCells {
-    let mut bits = vec![0u64; frame.cells().len().div_ceil(64)];
+    let mut walls = WallCells { window: window(grid, t_world_map, frame), bits: Vec::new() };
+    walls.bits = vec![0; (walls.window[2] * walls.window[3]).div_ceil(64)];
     let to_frame = frame.locator_from(t_world_map);
     let w = grid.width();
     for (i, v) in grid.cells().iter().enumerate() {
         if class_of(*v) == Class::Occupied {
-            if let Some(k) = to_frame.index(grid.cell_center(i / w, i % w)) {
-                bits[k / 64] |= 1 << (k % 64);
+            let cell = to_frame.index(grid.cell_center(i / w, i % w));
+            if let Some(k) = cell.and_then(|k| walls.index(k / frame.width(), k % frame.width())) {
+                walls.bits[k / 64] |= 1 << (k % 64);
             }
         }
     }
-    WallCells(bits)
+    walls
+}
+
+/// The part of the frame that a grid reaches: first row and column, rows and columns.
+fn window(grid: &OccupancyGrid, t_world_map: &Se2, frame: &OccupancyGrid) -> [usize; 4] {
+    let (w, h) = (grid.width() as f64, grid.height() as f64);
+    let origin = frame.origin().translation();
+    let corner = |(c, r): (f64, f64)| {
+        (t_world_map.apply(grid.grid_to_map(c, r)) - origin) / frame.resolution()
+    };
+    let corners = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)].map(corner);
+    let low = corners.iter().fold(corners[0], |a, b| a.inf(b));
+    let high = corners.iter().fold(corners[0], |a, b| a.sup(b));
+    // A cell more on every side: rounding must not cost one.
+    let span = |low: f64, high: f64, most: usize| {
+        let first = (low.floor() - 1.0).clamp(0.0, most as f64) as usize;
+        (first, (high.ceil() + 1.0).clamp(first as f64, most as f64) as usize - first)
+    };
+    let (row, rows) = span(low.y, high.y, frame.height());
+    let (col, cols) = span(low.x, high.x, frame.width());
+    [row, col, rows, cols]
 }
 
 /// Smallest and largest world coordinates of the known cells.

@@ -6,13 +6,16 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::events::Listener;
 use crate::local_map::LocalMap;
+use crate::memory::Memory;
 use crate::merge::{judged, travel};
 use crate::pair_table::PairTable;
 use crate::parallel;
+use crate::partners;
 use crate::prior::Prior;
 use crate::relation;
 use crate::result::{Known, Observer, Stage};
 use crate::virtual_robot::{Parts, VirtualRobot};
+use std::collections::{BTreeSet, HashMap};
 
 /// One travel with the clusters as maps; none when no two of them join.
 pub(crate) fn join(
@@ -37,7 +40,11 @@ pub(crate) fn join(
         let told = relations.iter().filter_map(|r| r.between(a, b)?.t_a_b());
         told.chain(clusters[a].motions(&clusters[b], pairs)).collect()
     };
-    let found = cache.register(&merged, hints, config, observer);
+    let mut wanted = worth_joining(clusters, pairs, config);
+    wanted.extend(relations.iter().map(|r| (r.a.min(r.b), r.a.max(r.b))));
+    wanted.sort_unstable();
+    wanted.dedup();
+    let found = cache.register(&merged, &wanted, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
         let of_clusters = judged(found, 0, &merged.maps, config);
         let (tables, heard) = ((pairs, &of_clusters), (observer, listener));
@@ -45,6 +52,26 @@ pub(crate) fn join(
     });
     cache.give_back(merged);
     joined
+}
+
+/// Pairs of clusters that are worth registering: all of a few; of many, those of whose members some pair was
+/// registered.
+fn worth_joining(clusters: &[Cluster], pairs: &PairTable, config: &Config) -> Vec<(usize, usize)> {
+    let n = clusters.len();
+    let all = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+    if partners::are_all(n, config) {
+        return all.collect();
+    }
+    let mut cluster_of = HashMap::new();
+    for (k, c) in clusters.iter().enumerate() {
+        cluster_of.extend(c.members.iter().map(|m| (*m, k)));
+    }
+    let across = cluster_of.iter().flat_map(|(m, a)| {
+        let others = pairs.partners(*m).filter_map(|other| cluster_of.get(&other));
+        others.map(move |b| (*a.min(b), *a.max(b)))
+    });
+    let found: BTreeSet<(usize, usize)> = across.filter(|(a, b)| a != b).collect();
+    found.into_iter().collect()
 }
 
 /// The clusters as maps of their own; none when one of them is too large to draw, as pins far apart make it.
@@ -99,6 +126,7 @@ fn travel_among(
         rung,
         known: &of_clusters,
         parts: Some(Parts { maps, overlays: &overlays, known, pairs: of_maps }),
+        memory: Memory::default(),
     };
     let travelled = travel(robot, &of_clusters, observer, (listener, Some(clusters)))?;
     if travelled.len() == clusters.len() {

@@ -23,6 +23,7 @@
 //! assert!((shift + 0.2).abs() < 0.05);
 //! ```
 #![warn(missing_docs)]
+pub mod batch;
 pub mod boundary;
 pub mod cache;
 pub mod canonical;
@@ -39,9 +40,11 @@ pub mod grid;
 pub mod joining;
 pub mod likelihood_field;
 pub mod local_map;
+pub mod memory;
 pub mod merge;
 pub mod pair_table;
 pub mod parallel;
+pub mod partners;
 pub mod perception;
 pub mod prior;
 pub mod probe;
@@ -52,9 +55,12 @@ pub mod result;
 pub mod se2;
 pub mod session;
 pub mod snap;
+pub mod sparse;
 pub mod standing;
+pub mod stored;
 pub mod structure;
 pub mod verdict;
+pub mod vicinity;
 pub mod virtual_robot;
 
 pub use config::Config;

@@ -12,16 +12,20 @@ use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::joining;
 use crate::local_map::LocalMap;
+use crate::memory::Memory;
 use crate::pair_table::PairTable;
 use crate::parallel;
+use crate::partners;
 use crate::perception::noise;
 use crate::prior;
 use crate::registration::Registered;
 use crate::relation;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
+use crate::stored::Store;
 use crate::verdict;
 use crate::virtual_robot::VirtualRobot;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Merges maps (VR-SLAM). The result depends on the maps, the configuration and what is known, not on
@@ -32,20 +36,22 @@ pub fn merge(
     config: &Config,
     observer: Observer,
 ) -> Result<Merge> {
-    merge_told(grids, known, config, observer, None)
+    merge_told(grids, known, config, None, (observer, None))
 }
 
-/// A merge whose events are told to a listener.
+/// A merge whose events are told to a listener. Pairs that a store keeps are taken from there, and those that it
+/// lacks are left there.
 pub fn merge_told(
     grids: Vec<OccupancyGrid>,
     known: &Known,
     config: &Config,
-    observer: Observer,
-    listener: Listener,
+    store: Option<Arc<dyn Store>>,
+    (observer, listener): (Observer, Listener),
 ) -> Result<Merge> {
     config.validate()?;
     let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
-    let found = merge_with(&mut Cache::passing(), &grids, known, config, (observer, listener))?;
+    let mut cache = Cache::passing().with_store(store);
+    let found = merge_with(&mut cache, &grids, known, config, (observer, listener))?;
     // Whoever merges once wants the merged map.
     match found.components.iter().find_map(|c| c.fused.as_ref().err()) {
         Some(problem) => Err(problem.clone()),
@@ -104,6 +110,7 @@ fn run(
         rung,
         known,
         parts: None,
+        memory: Memory::default(),
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer, (listener, None))?
         .into_iter()
@@ -167,7 +174,7 @@ pub(crate) struct Found {
     pub fresh: usize,
 }
 
-/// Registers all pairs and weighs them as bent as they are.
+/// Registers the pairs that are worth it and weighs them as bent as they are.
 pub(crate) fn registered(
     lent: &Lent,
     cache: &mut Cache,
@@ -175,8 +182,9 @@ pub(crate) fn registered(
     config: &Config,
     observer: Observer,
 ) -> Result<Found> {
-    let (found, fresh) = cache.register(lent, hints(known), config, observer)?;
     let maps = lent.maps.as_slice();
+    let wanted = partners::pairs(maps, known, config);
+    let (found, fresh) = cache.register(lent, &wanted, hints(known), config, observer)?;
     let (forbidden, told): (Vec<_>, Vec<_>) =
         found.into_iter().partition(|f| known.is_forbidden(f.a, f.b));
     let rung = noise::how_bent(&told, &maps.iter().collect::<Vec<_>>());
@@ -186,7 +194,7 @@ pub(crate) fn registered(
     Ok(Found { pairs, rung, config: Config { perception, ..config.clone() }, fresh })
 }
 
-/// The verdicts on all pairs.
+/// The verdicts on pairs.
 pub(crate) fn judged(
     found: Vec<Registered>,
     rung: usize,
@@ -259,8 +267,9 @@ fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
         (0..open.len()).filter(is_open).find(|m| robot.prior(*m).is_some_and(|p| p.is_pinned));
     let first = known.order.as_ref().and_then(|o| o.iter().copied().find(is_open));
     let connected = |a: usize| -> f64 {
-        (0..open.len())
-            .filter(|b| open[*b] && *b != a)
+        pairs
+            .partners(a)
+            .filter(|b| open[*b])
             .filter_map(|b| pairs.best(a, b))
             .map(|l| l.max(0.0))
             .sum()
@@ -277,7 +286,7 @@ fn choose_start(robot: &VirtualRobot, known: &Known) -> Option<usize> {
 }
 
 /// Where priors and relations say that two maps lie to each other.
-fn hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
+pub(crate) fn hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ {
     let prior = |m: usize| known.priors.get(m).and_then(Option::as_ref);
     move |a, b| {
         let both = prior(a).zip(prior(b));
@@ -287,7 +296,7 @@ fn hints(known: &Known) -> impl Fn(usize, usize) -> Vec<Se2> + Sync + Send + '_ 
     }
 }
 
-fn check_known(known: &Known, n: usize) -> Result<()> {
+pub(crate) fn check_known(known: &Known, n: usize) -> Result<()> {
     let fail = |key: &str, problem: String| Err(Error::Config { key: key.into(), problem });
     if let Some(r) = known.references.iter().find(|r| **r >= n) {
         return fail("reference", format!("index {r} of {n} maps"));

@@ -1,28 +1,29 @@
-//! The modes of all pairs: the virtual robot's odometry.
+//! The modes of the registered pairs: the virtual robot's odometry.
 
 use crate::evidence::Status;
 use crate::registration::pair::inverse;
-use crate::registration::{PairModes, SAME_WORLD};
+use crate::registration::{Mode, PairModes, SAME_WORLD};
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 
-/// The modes of all pairs, found by either order of their maps.
+/// The modes of the registered pairs, found by either order of their maps.
 #[derive(Debug, Clone)]
 pub struct PairTable {
-    n: usize,
     pairs: Vec<PairModes>,
-    /// Index into `pairs` of every ordered pair, `a * n + b`.
-    at: Vec<Option<u32>>,
+    /// For each map the maps it was registered with, ascending, and where in `pairs`.
+    at: Vec<Vec<(u32, u32)>>,
 }
 
 impl PairTable {
-    /// From the registered pairs of `n` maps, each with `a < b`.
+    /// From registered pairs of `n` maps, each with `a < b`.
     pub fn new(n: usize, pairs: Vec<PairModes>) -> Self {
-        let mut at = vec![None; n * n];
+        let mut at = vec![Vec::new(); n];
         for (k, p) in pairs.iter().enumerate() {
-            at[p.a * n + p.b] = Some(k as u32);
+            at[p.a].push((p.b as u32, k as u32));
+            at[p.b].push((p.a as u32, k as u32));
         }
-        Self { n, pairs, at }
+        at.iter_mut().for_each(|of_map| of_map.sort_unstable());
+        Self { pairs, at }
     }
 
     /// The pairs.
@@ -42,15 +43,23 @@ impl PairTable {
         }
     }
 
+    /// The maps that a map was registered with, ascending.
+    pub fn partners(&self, map: usize) -> impl Iterator<Item = usize> + '_ {
+        self.at[map].iter().map(|(other, _)| *other as usize)
+    }
+
+    fn find(&self, a: usize, b: usize) -> Option<&PairModes> {
+        let k = self.at[a].binary_search_by_key(&(b as u32), |(other, _)| *other).ok()?;
+        Some(&self.pairs[self.at[a][k].1 as usize])
+    }
+
     fn allowed(&self, a: usize, b: usize) -> Option<&PairModes> {
-        let k = self.at[a.min(b) * self.n + a.max(b)]?;
-        Some(&self.pairs[k as usize]).filter(|p| p.status != Status::Forbidden)
+        self.find(a, b).filter(|p| p.status != Status::Forbidden)
     }
 
     /// Whether `T_a_b` is where the walls of a forbidden pair match best. `center` is that of map b.
     pub fn is_refused(&self, a: usize, b: usize, t_a_b: &Se2, center: Vec2) -> bool {
-        let Some(k) = self.at[a.min(b) * self.n + a.max(b)] else { return false };
-        let p = &self.pairs[k as usize];
+        let Some(p) = self.find(a, b) else { return false };
         let best = p.found.modes.first().filter(|_| p.status == Status::Forbidden);
         best.is_some_and(|m| {
             let t = if a == p.a { m.t_a_b } else { m.t_a_b.inverse() };
@@ -62,11 +71,11 @@ impl PairTable {
     /// Modes of `T_a_b`: transform, covariance, log-likelihood. Most likely first.
     pub fn modes(&self, a: usize, b: usize) -> Vec<(Se2, Matrix3<f64>, f64)> {
         let Some(pair) = self.allowed(a, b) else { return Vec::new() };
+        let turned = |m: &Mode| if a == pair.a { (m.t_a_b, m.covariance) } else { inverse(m) };
         let modes = pair.found.modes.iter();
         modes
             .map(|m| {
-                let (t, covariance) =
-                    if a == pair.a { (m.t_a_b, m.covariance) } else { inverse(m) };
+                let (t, covariance) = turned(m);
                 (t, covariance, m.evidence.log_likelihood)
             })
             .collect()
@@ -75,8 +84,7 @@ impl PairTable {
     /// The best log-likelihood that the mirror image of one of the maps reaches on the other; zero where
     /// none was tried.
     pub fn decoy(&self, a: usize, b: usize) -> f64 {
-        let k = self.at[a.min(b) * self.n + a.max(b)];
-        k.map_or(0.0, |k| self.pairs[k as usize].found.decoy())
+        self.find(a, b).map_or(0.0, |p| p.found.decoy())
     }
 
     /// Log-likelihood of the best mode of a pair; none without a mode.

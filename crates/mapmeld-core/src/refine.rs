@@ -12,13 +12,18 @@ use crate::perception::likelihood;
 use crate::registration::climb::robust_weight;
 use crate::result::Known;
 use crate::se2::{Rigid, Se2, Vec2};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
+use crate::sparse::{Blocks, Factor};
+use crate::vicinity;
+use nalgebra::{DVector, Matrix3, Matrix6, Vector3, Vector6};
 
 /// Residuals up to about this count as pulling on the poses, metres, even where the kernel lets go of them.
 const WIDE: f64 = 0.2;
 
 /// Smallest standard deviation of a wall's distance, cells: that of rounding to cells in both maps.
 const FINEST: f64 = 0.41;
+
+/// Up to so many poses a dense factorisation is as fast.
+const MOST_DENSE: usize = 64;
 
 /// Poses after refinement.
 #[derive(Debug, Clone)]
@@ -44,9 +49,9 @@ struct Block {
 
 /// The normal equations of all poses.
 struct Normal {
-    h: DMatrix<f64>,
+    h: Blocks,
     g: DVector<f64>,
-    pulls: DMatrix<f64>,
+    pulls: Blocks,
     squares: f64,
     weight: f64,
 }
@@ -74,13 +79,18 @@ pub fn refine(
         let Normal { mut h, g, .. } = normal_equations(maps, members, &poses, &edges, held, scale);
         // Levenberg's damping, the same along both axes: a share of each axis' own information would
         // let a bare corridor, along which there is next to none, slide by any distance.
-        for k in (0..3 * n).step_by(3) {
-            let d = 1e-3 * h[(k, k)].max(h[(k + 1, k + 1)]) + 1e-6;
-            h[(k, k)] += d;
-            h[(k + 1, k + 1)] += d;
-            h[(k + 2, k + 2)] += 1e-3 * h[(k + 2, k + 2)] + 1e-6;
+        for k in 0..n {
+            let h = h.diagonal(k);
+            let d = 1e-3 * h[(0, 0)].max(h[(1, 1)]) + 1e-6;
+            h[(0, 0)] += d;
+            h[(1, 1)] += d;
+            h[(2, 2)] += 1e-3 * h[(2, 2)] + 1e-6;
         }
-        let Some(solved) = h.cholesky().map(|c| c.solve(&g)) else { break };
+        let solved = match n {
+            0..=MOST_DENSE => h.to_dense().cholesky().map(|c| c.solve(&g)),
+            _ => Factor::of(&h).map(|c| c.solve(&g)),
+        };
+        let Some(solved) = solved else { break };
         let mut moved = 0.0f64;
         for (k, pose) in poses.iter_mut().enumerate() {
             let d = Vector3::new(solved[3 * k], solved[3 * k + 1], solved[3 * k + 2]);
@@ -123,9 +133,9 @@ fn overlapping(
     known: &Known,
     config: &Config,
 ) -> Vec<(usize, usize)> {
-    let every = (0..members.len()).flat_map(|i| (i + 1..members.len()).map(move |j| (i, j)));
+    let near = vicinity::pairs(maps, members, poses).into_iter();
     let all: Vec<(usize, usize)> =
-        every.filter(|(i, j)| !known.is_forbidden(members[*i], members[*j])).collect();
+        near.filter(|(i, j)| !known.is_forbidden(members[*i], members[*j])).collect();
     let perception = config.perception.rigid();
     let keep = parallel::map(&all, |(i, j)| {
         let (a, b) = (&maps[members[*i]], &maps[members[*j]]);
@@ -149,16 +159,14 @@ fn normal_equations(
     let blocks = parallel::map(edges, |(i, j)| {
         block(&maps[members[*i]], &maps[members[*j]], &poses[*i], &poses[*j], scale)
     });
-    let (mut h, mut g) = (DMatrix::zeros(3 * n, 3 * n), DVector::zeros(3 * n));
-    let mut pulls = DMatrix::zeros(3 * n, 3 * n);
+    let (mut h, mut pulls) = (Blocks::zeros(n), Blocks::zeros(n));
+    let mut g = DVector::zeros(3 * n);
     let (mut squares, mut weight) = (0.0, 0.0);
     for ((i, j), b) in edges.iter().zip(&blocks) {
         for (p, x) in [(*i, 0), (*j, 3)] {
             for (q, y) in [(*i, 0), (*j, 3)] {
-                let mut target = h.view_mut((3 * p, 3 * q), (3, 3));
-                target += b.h.fixed_view::<3, 3>(x, y);
-                let mut target = pulls.view_mut((3 * p, 3 * q), (3, 3));
-                target += b.pulls.fixed_view::<3, 3>(x, y);
+                h.add(p, q, &b.h.fixed_view::<3, 3>(x, y).into_owned());
+                pulls.add(p, q, &b.pulls.fixed_view::<3, 3>(x, y).into_owned());
             }
             let mut target = g.rows_mut(3 * p, 3);
             target += b.g.fixed_rows::<3>(x);
@@ -166,12 +174,8 @@ fn normal_equations(
         squares += b.squares;
         weight += b.weight;
     }
-    for k in held.iter().map(|k| 3 * k) {
-        h.rows_mut(k, 3).fill(0.0);
-        h.columns_mut(k, 3).fill(0.0);
-        h.view_mut((k, k), (3, 3)).fill_diagonal(1.0);
-        g.rows_mut(k, 3).fill(0.0);
-    }
+    h.set_apart(held, &Matrix3::identity());
+    held.iter().for_each(|k| g.rows_mut(3 * k, 3).fill(0.0));
     Normal { h, g, pulls, squares, weight }
 }
 
@@ -252,32 +256,43 @@ fn covariances(
     let p = &config.perception;
     let sigma = FINEST * resolution;
     let discount = 0.5 * p.sample_spacing.max(resolution) / p.correlation_length;
-    let mut information = normal.h.clone();
     // What pulls: every wall from both sides, so twice; and the cells, as coarse as they are.
-    let mut pulls = normal.pulls * 2.0 + &normal.h * (sigma * sigma / discount);
-    for k in (0..3 * n).filter(|k| !held.contains(&(k / 3))) {
-        // A wide prior (10 m, 1 rad) keeps free directions finite, and large.
-        let loose = sigma * sigma / discount * if k % 3 == 2 { 1.0 } else { 0.01 };
-        information[(k, k)] += loose;
-        pulls[(k, k)] += loose * loose * if k % 3 == 2 { 1.0 } else { 100.0 };
-    }
-    for k in held.iter().map(|k| 3 * k) {
-        for m in [&mut information, &mut pulls] {
-            m.rows_mut(k, 3).fill(0.0);
-            m.columns_mut(k, 3).fill(0.0);
+    let mut pulls = normal.pulls;
+    for (at, block) in &mut pulls.at {
+        *block *= 2.0;
+        if let Some(h) = normal.h.at.get(at) {
+            *block += h * (sigma * sigma / discount);
         }
-        information.view_mut((k, k), (3, 3)).fill_diagonal(1.0);
     }
-    let all =
-        information.cholesky().map(|c| c.inverse()).map(|inverse| &inverse * pulls * &inverse);
-    (0..n)
-        .map(|k| match &all {
-            _ if held.contains(&k) => Matrix3::zeros(),
-            Some(all) => {
-                let own = all.fixed_view::<3, 3>(3 * k, 3 * k).into_owned();
-                0.5 * (own + own.transpose())
-            }
-            None => Matrix3::from_diagonal(&Vector3::new(100.0, 100.0, 1.0)),
-        })
-        .collect()
+    let mut information = normal.h;
+    for k in (0..n).filter(|k| !held.contains(k)) {
+        // A wide prior (10 m, 1 rad) keeps free directions finite, and large.
+        let (information, pulls) = (information.diagonal(k), pulls.diagonal(k));
+        for axis in 0..3 {
+            let loose = sigma * sigma / discount * if axis == 2 { 1.0 } else { 0.01 };
+            information[(axis, axis)] += loose;
+            pulls[(axis, axis)] += loose * loose * if axis == 2 { 1.0 } else { 100.0 };
+        }
+    }
+    information.set_apart(held, &Matrix3::identity());
+    pulls.set_apart(held, &Matrix3::zeros());
+    let wide = Matrix3::from_diagonal(&Vector3::new(100.0, 100.0, 1.0));
+    let even = |own: Matrix3<f64>| 0.5 * (own + own.transpose());
+    let all: Vec<usize> = (0..n).collect();
+    if n > MOST_DENSE {
+        let factor = Factor::of(&information);
+        return parallel::map(&all, |k| match &factor {
+            _ if held.contains(k) => Matrix3::zeros(),
+            Some(factor) => even(pulls.between(&factor.columns(*k))),
+            None => wide,
+        });
+    }
+    let inverse = information.to_dense().cholesky().map(|c| c.inverse());
+    let covariance = inverse.map(|inverse| &inverse * pulls.to_dense() * &inverse);
+    let of_pose = |k: usize| match &covariance {
+        _ if held.contains(&k) => Matrix3::zeros(),
+        Some(all) => even(all.fixed_view::<3, 3>(3 * k, 3 * k).into_owned()),
+        None => wide,
+    };
+    all.into_iter().map(of_pose).collect()
 }

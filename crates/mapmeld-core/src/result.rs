@@ -78,7 +78,7 @@ pub struct Merge {
     pub probability: f64,
     /// Whole worlds that fit, most probable first.
     pub hypotheses: Vec<Hypothesis>,
-    /// Registration of every pair.
+    /// Registration of the pairs that were worth it: all of a few maps.
     pub pairs: Vec<PairModes>,
     /// How many of them had to be registered, rather than being known from an earlier merge.
     pub registered_pairs: usize,

@@ -6,6 +6,7 @@
 //! transform's origin". That is what a person reads as a covariance of (x, y, theta).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// A point or direction of the plane, metres.
@@ -22,7 +23,7 @@ pub fn wrap(angle: f64) -> f64 {
 }
 
 /// A rigid transform of the plane: a rotation by `theta` (radians), then a translation (metres).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Se2 {
     /// Translation along x, metres.
     pub x: f64,

@@ -35,6 +35,16 @@ impl Background {
         });
         Self { walls, straight, rung, decoy }
     }
+
+    /// Of these maps and some others.
+    pub fn with(&self, others: &Background) -> Self {
+        Self {
+            walls: self.walls.max(others.walls),
+            straight: self.straight.min(others.straight),
+            decoy: self.decoy.max(others.decoy),
+            ..*self
+        }
+    }
 }
 
 /// The features, in the order of [`EvidenceConfig::weights`] after the constant. `chance` is the best

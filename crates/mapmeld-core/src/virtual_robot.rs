@@ -6,10 +6,12 @@
 
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
-use crate::forbidden;
+use crate::forbidden::{self, Member};
 use crate::local_map::LocalMap;
+use crate::memory::{Memory, Motion};
 use crate::pair_table::PairTable;
 use crate::parallel;
+use crate::perception::overlay::Layer;
 use crate::perception::placed::{self, Placed};
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
@@ -20,11 +22,16 @@ use crate::relation::Relation;
 use crate::result::Known;
 use crate::se2::Se2;
 use crate::verdict::{self, Background};
+use crate::vicinity::Circle;
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
 const NOISE: (f64, f64) = (0.2, 0.04);
+/// From more maps than this on, particles share what they weigh.
+const MANY: usize = 40;
 
 /// A possible next pose of the virtual robot.
 #[derive(Debug, Clone)]
@@ -49,7 +56,7 @@ pub struct NextPose {
 pub struct VirtualRobot<'a> {
     /// The local maps: the sensor readings.
     pub maps: &'a [LocalMap],
-    /// Registration of all pairs: the odometry.
+    /// Registration of pairs: the odometry.
     pub pairs: &'a PairTable,
     /// Maps that may be visited: not blank, not in another component.
     pub open: Vec<bool>,
@@ -63,6 +70,16 @@ pub struct VirtualRobot<'a> {
     pub known: &'a Known,
     /// What the maps are merged of, when they are merged maps themselves.
     pub parts: Option<Parts<'a>>,
+    /// What it has worked out so far.
+    pub memory: Memory,
+}
+
+/// What is placed in one particle's merged map.
+struct Here<'a> {
+    merged: &'a Overlay,
+    placed: Vec<(usize, Se2)>,
+    is_placed: Vec<bool>,
+    background: Background,
 }
 
 /// The maps that merged maps are made of.
@@ -139,9 +156,9 @@ impl VirtualRobot<'_> {
 
     /// Motion model (paper, section 3): where the placed maps say that `map` lies. Modes of several
     /// placed maps that agree are one, and support each other.
-    fn motions(&self, placed: &[(usize, Se2)], map: usize) -> Vec<(f64, Se2, Matrix3<f64>)> {
+    fn motions(&self, placed: &[(usize, Se2)], map: usize) -> Vec<Motion> {
         let center = self.maps[map].center.unwrap_or_default();
-        let mut found: Vec<(f64, Se2, Matrix3<f64>)> = Vec::new();
+        let mut found: Vec<Motion> = Vec::new();
         for (i, x_i) in placed {
             for (t, covariance, log_likelihood) in self.pairs.modes(*i, map) {
                 found.push((
@@ -152,38 +169,104 @@ impl VirtualRobot<'_> {
             }
         }
         if let Some(fit) = self.prior_fit(placed, map) {
-            let near = |(support, x, covariance): (f64, Se2, Matrix3<f64>)| {
+            let near = |(support, x, covariance): Motion| {
                 fit(&x, &covariance).map(|f| (support + f.log_odds, f.pose, covariance))
             };
             found = found.into_iter().filter_map(near).collect();
+        } else {
+            // What no pair speaks for no group of placed maps speaks for either.
+            found.retain(|(support, ..)| *support > 0.0);
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut kept: Vec<(f64, Se2, Matrix3<f64>)> = Vec::new();
+        let mut kept: Vec<Motion> = Vec::new();
         for (support, x, covariance) in found {
-            let same = |k: &&mut (f64, Se2, Matrix3<f64>)| {
-                k.1.is_close_at(&x, center, SAME_WORLD.0, SAME_WORLD.1)
-            };
+            let same = |k: &&mut Motion| k.1.is_close_at(&x, center, SAME_WORLD.0, SAME_WORLD.1);
             match kept.iter_mut().find(same) {
                 Some(k) => k.0 += support.max(0.0),
                 None => kept.push((support, x, covariance)),
             }
         }
-        // What no pair speaks for no group of placed maps speaks for either.
-        kept.retain(|k| k.0 > 0.0);
         kept.sort_by(|a, b| b.0.total_cmp(&a.0));
         kept.truncate(self.config.filter.candidates_per_map);
         kept
     }
 
+    /// What is placed in a merged map.
+    fn here<'m>(&self, merged: &'m Overlay) -> Here<'m> {
+        let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
+        let mut is_placed = vec![false; self.maps.len()];
+        placed.iter().for_each(|(m, _)| is_placed[*m] = true);
+        let members = placed.iter().flat_map(|(m, _)| self.members(*m));
+        Here { merged, is_placed, background: Background::new(members, self.rung, 0.0), placed }
+    }
+
+    /// The local maps that a map is made of. Merged maps are judged by their size, as every map is.
+    fn members(&self, map: usize) -> Vec<&LocalMap> {
+        match &self.parts {
+            Some(parts) => parts.overlays[map].layers().map(|l| &parts.maps[l.map]).collect(),
+            None => vec![&self.maps[map]],
+        }
+    }
+
+    /// The motions of every open map that has any.
+    fn all_motions(&self, here: &Here) -> Vec<(usize, Arc<Vec<Motion>>)> {
+        let open = (0..self.maps.len()).filter(|m| self.open[*m] && !here.is_placed[*m]);
+        let found = if self.known.priors.is_empty() && self.known.relations.is_empty() {
+            // What a map's partners say, and nothing else, tells where it lies.
+            let mut partners: Vec<Vec<(usize, Se2)>> = vec![Vec::new(); self.maps.len()];
+            for (i, x_i) in &here.placed {
+                self.pairs.partners(*i).for_each(|m| partners[m].push((*i, *x_i)));
+            }
+            let known = |m: usize| {
+                let placed = partners[m].as_slice();
+                (m, self.memory.motions(m, placed, || self.motions(placed, m)))
+            };
+            open.filter(|m| !partners[*m].is_empty()).map(known).collect::<Vec<_>>()
+        } else {
+            open.map(|m| (m, Arc::new(self.motions(&here.placed, m)))).collect()
+        };
+        found.into_iter().filter(|(_, motions)| !motions.is_empty()).collect()
+    }
+
     /// What the walls say of a map against the merged map. The walls of merged maps are those of the
     /// maps they are merged of, which no raster has blurred: the pose is led to their maximum first.
     fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
+        // Layers far away have nothing to say.
+        let circle = Circle::around(&self.maps[map].grid, &x);
+        let near: Vec<&Layer> = merged.near(&circle).collect();
+        if self.is_large() && self.parts.is_none() {
+            let center = self.maps[map].center.unwrap_or_default();
+            let is_close = |a: &Se2, b: &Se2| a.is_close_at(b, center, NOISE.0, NOISE.1);
+            let placed: Vec<(usize, Se2)> = near.iter().map(|l| (l.map, l.t_world_map)).collect();
+            let look = || self.look_at(&near, map, x).1;
+            return (x, self.memory.similar((map, &x), &placed, is_close, look));
+        }
+        let at = near.iter().map(|l| std::ptr::from_ref(*l) as usize).collect();
+        self.memory.look((map, &x), (merged, at), || self.look_at(&near, map, x))
+    }
+
+    /// Whether there are so many maps that particles cannot each weigh all of them anew.
+    fn is_large(&self) -> bool {
+        self.maps.len() > MANY
+    }
+
+    fn look_at(&self, near: &[&Layer], map: usize, x: Se2) -> (Se2, WallEvidence) {
         let p = &self.config.perception;
         let Some(parts) = &self.parts else {
-            return (x, forbidden::against(self.maps, merged, map, &x, self.known, p));
+            let is_evidence = |l: &&&Layer| !self.known.is_forbidden(l.map, map);
+            let placed: Vec<Placed> =
+                near.iter().filter(is_evidence).map(|l| l.placed(self.maps)).collect();
+            let local = Placed { map: &self.maps[map], t_world_map: x, samples: None };
+            return (x, placed::between(&placed, &[local], p));
         };
         let of = |map: usize, x: &Se2| forbidden::members(&parts.overlays[map], parts.maps, x);
-        let placed = merged.layers().flat_map(|l| of(l.map, &l.t_world_map)).collect();
+        let circle = |p: &Placed| Circle::around(&p.map.grid, &p.t_world_map);
+        let circles: Vec<Circle> = of(map, &x).iter().map(|(_, o)| circle(o)).collect();
+        let is_near = |o: &Member| {
+            let there = circle(&o.1);
+            circles.iter().any(|own| own.is_near(&there))
+        };
+        let placed = near.iter().flat_map(|l| of(l.map, &l.t_world_map)).filter(is_near).collect();
         let (placed, own) = forbidden::evidence(placed, of(map, &Se2::IDENTITY), parts.known);
         let most = self.config.registration.max_iterations;
         let x = climb::climb_group(&placed, &own, &x, most, p).unwrap_or(x);
@@ -216,41 +299,30 @@ impl VirtualRobot<'_> {
 
     /// Perception model (paper, section 4) of the poses at which a map may lie; none when the evidence does
     /// not carry a merge.
-    fn perceive(
-        &self,
-        merged: &Overlay,
-        map: usize,
-        motions: Vec<(f64, Se2, Matrix3<f64>)>,
-    ) -> Vec<NextPose> {
+    fn perceive(&self, here: &Here, map: usize, motions: &[Motion]) -> Vec<NextPose> {
+        let merged = here.merged;
         let center = self.maps[map].center.unwrap_or_default();
         let mut seen: Vec<(Se2, Matrix3<f64>, WallEvidence)> = Vec::new();
         for (_, x, covariance) in motions {
-            let (x, evidence) = self.look(merged, map, x);
+            let (x, evidence) = self.look(merged, map, *x);
             if self.is_refused(merged, map, &x) {
                 continue;
             }
             // Motions that led to the same place are one.
             let (distance, angle) = SAME_WORLD;
             if !seen.iter().any(|(y, ..)| x.is_close_at(y, center, distance, angle)) {
-                seen.push((x, covariance, evidence));
+                seen.push((x, *covariance, evidence));
             }
         }
         seen.sort_by(|a, b| b.2.log_likelihood.total_cmp(&a.2.log_likelihood));
-        let decoy = merged.layers().map(|l| self.pairs.decoy(l.map, map)).fold(0.0, f64::max);
-        // Merged maps are judged by the size of the maps they are merged of, as every map is.
-        let members = |m: usize| -> Vec<&LocalMap> {
-            match &self.parts {
-                Some(parts) => parts.overlays[m].layers().map(|l| &parts.maps[l.map]).collect(),
-                None => vec![&self.maps[m]],
-            }
-        };
-        let involved = merged.layers().map(|l| l.map).chain([map]).flat_map(members);
-        let background = Background::new(involved, self.rung, decoy);
+        let partners = self.pairs.partners(map).filter(|m| here.is_placed[*m]);
+        let decoy = partners.map(|m| self.pairs.decoy(m, map)).fold(0.0, f64::max);
+        let own = Background::new(self.members(map).into_iter(), self.rung, decoy);
+        let background = own.with(&here.background);
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();
         let mut verdict = verdict::weigh(&poses, &background, c);
-        let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
-        if let Some(fit) = self.prior_fit(&placed, map) {
+        if let Some(fit) = self.prior_fit(&here.placed, map) {
             // Walls that speak against a pose do not hold it, wherever the prior would have it.
             let odds = |(x, covariance, e): &(Se2, Matrix3<f64>, WallEvidence)| {
                 let fit = fit(x, covariance).filter(|_| e.log_likelihood > 0.0);
@@ -323,37 +395,37 @@ impl Model for VirtualRobot<'_> {
     type Mode = NextPose;
 
     fn propose(&self, merged: &Overlay) -> Vec<NextPose> {
-        let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
-        let is_open = |m: &usize| self.open[*m] && !placed.iter().any(|(i, _)| i == m);
-        let of_map = |map: usize, motions: Vec<(f64, Se2, Matrix3<f64>)>| -> Vec<NextPose> {
-            self.perceive(merged, map, motions)
-        };
+        let here = self.here(merged);
         if let Some(order) = self.order {
             // Known order: the next map that can be placed; those that cannot yet are deferred. Maps
             // that the order leaves out come after.
-            let next = order.iter().filter(|m| is_open(m));
-            let modes =
-                next.map(|m| of_map(*m, self.motions(&placed, *m))).find(|modes| !modes.is_empty());
-            if let Some(modes) = modes {
+            let next = order.iter().filter(|m| self.open[**m] && !here.is_placed[**m]);
+            let of_map = |m: &usize| self.perceive(&here, *m, &self.motions(&here.placed, *m));
+            if let Some(modes) = next.map(of_map).find(|modes| !modes.is_empty()) {
                 return modes;
             }
         }
         // Unknown order: every open map is a candidate, the best supported are weighed.
-        let mut by_map: Vec<(usize, Vec<_>)> = (0..self.maps.len())
-            .filter(is_open)
-            .map(|m| (m, self.motions(&placed, m)))
-            .filter(|(_, motions)| !motions.is_empty())
-            .collect();
+        let mut by_map = self.all_motions(&here);
         by_map.sort_by(|a, b| b.1[0].0.total_cmp(&a.1[0].0));
         let mut modes = Vec::new();
-        let mut maps_found = 0;
-        for (map, motions) in by_map {
-            let found = of_map(map, motions);
-            maps_found += usize::from(!found.is_empty());
-            modes.extend(found);
-            if maps_found == self.config.filter.maps_per_step {
-                break;
+        let mut missing = self.config.filter.maps_per_step;
+        let mut left = by_map.as_slice();
+        // As many at a time as are missing: none is weighed for nothing.
+        while missing > 0 && !left.is_empty() {
+            let (next, rest) = left.split_at(missing.min(left.len()));
+            for found in parallel::map(next, |(map, motions)| self.perceive(&here, *map, motions)) {
+                missing -= usize::from(!found.is_empty());
+                modes.extend(found);
             }
+            left = rest;
+        }
+        if self.is_large() {
+            // One order for all particles, that of the surest next: else no two of them would place the same maps
+            // before the very end, and each would have to weigh all by itself.
+            let surest =
+                modes.iter().map(|m| (m.any, m.map)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+            modes.retain(|m| Some(m.map) == surest.map(|(_, map)| map));
         }
         modes
     }
@@ -409,18 +481,36 @@ impl Model for VirtualRobot<'_> {
         self.fold(merged, mode.map, t_world_map, mode.any)
     }
 
+    /// What [`Memory::similar`] answers hangs on who asked first.
+    fn learns(&self) -> bool {
+        self.is_large()
+    }
+
     /// Particles that tell the same story, in whatever order, differ by the noise of their draws alone. The
     /// joint refinement settles that; it is not worth weighing every map anew for each of them.
     fn is_same(&self, a: &Overlay, b: &Overlay) -> bool {
-        a.is_same(b)
-            || a.layers().count() == b.layers().count()
-                && a.layers().all(|x| {
-                    let center = self.maps[x.map].center.unwrap_or_default();
-                    b.layers().any(|y| {
-                        let (distance, angle) = NOISE;
-                        x.map == y.map
-                            && x.t_world_map.is_close_at(&y.t_world_map, center, distance, angle)
-                    })
-                })
+        if a.is_same(b) || a.layers().count() != b.layers().count() {
+            return a.is_same(b);
+        }
+        let is_close = |x: &Layer, y: &Layer| {
+            let center = self.maps[x.map].center.unwrap_or_default();
+            // Of a thousand maps one is always drawn a little farther off: what counts is that the world is the same.
+            let (distance, angle) = if self.is_large() { SAME_WORLD } else { NOISE };
+            x.t_world_map.is_close_at(&y.t_world_map, center, distance, angle)
+        };
+        // Most particles place the same maps one after the other.
+        for (x, y) in a.layers().zip(b.layers()) {
+            if std::ptr::eq(x, y) {
+                return true;
+            }
+            if x.map != y.map {
+                let there: HashMap<usize, &Layer> = b.layers().map(|l| (l.map, l)).collect();
+                return a.layers().all(|x| there.get(&x.map).is_some_and(|y| is_close(x, y)));
+            }
+            if !is_close(x, y) {
+                return false;
+            }
+        }
+        true
     }
 }

@@ -7,6 +7,7 @@ mod known;
 mod local_map;
 mod merge;
 mod session;
+mod store;
 mod watch;
 
 use pyo3::prelude::*;
@@ -23,7 +24,12 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(local_map::weigh, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::perceive, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::candidates, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::partners, m)?)?;
     m.add_function(wrap_pyfunction!(fuse::fuse, m)?)?;
+    m.add_class::<store::Store>()?;
+    m.add_function(wrap_pyfunction!(store::plan, m)?)?;
+    m.add_function(wrap_pyfunction!(store::register_batch, m)?)?;
+    m.add_function(wrap_pyfunction!(store::registration_digest, m)?)?;
     m.add_function(wrap_pyfunction!(merge::merge, m)?)?;
     Ok(())
 }

@@ -228,3 +228,15 @@ pub fn candidates(
         .map(|c| (c.source.name(), c.t_a_b.to_array()))
         .collect())
 }
+
+/// Every map's partners by the index, the most promising first: (index, log-likelihood ratio in nats).
+#[pyfunction]
+pub fn partners(
+    py: Python<'_>,
+    maps: Vec<PyRef<'_, LocalMap>>,
+    config: &str,
+) -> PyResult<Vec<Vec<(usize, f64)>>> {
+    let config = convert::config(config)?;
+    let maps: Vec<_> = maps.iter().map(|m| (*m.inner).clone()).collect();
+    Ok(py.detach(|| core::partners::ranked(&maps, &config)))
+}

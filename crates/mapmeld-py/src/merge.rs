@@ -3,9 +3,11 @@
 use crate::convert;
 use crate::known::{known, GivenPrior, GivenRelation};
 use crate::local_map::mode;
+use crate::store::Store;
 use crate::watch::{watched_told, Tell};
 use mapmeld_core::error::Error;
 use mapmeld_core::events::Event;
+use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::merge::merge_told;
 use mapmeld_core::registration::PairModes;
 use mapmeld_core::result::{Known, Merge};
@@ -13,14 +15,15 @@ use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
+pub type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
 /// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
 /// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C. So is
 /// `listener(name, seconds, data)`, with every event. Priors, relations and forbidden pairs name maps: see `known`.
+/// `store` keeps registered pairs.
 #[pyfunction]
 #[pyo3(signature = (maps, config, order=None, reference=None, progress=None, priors=vec![], relations=vec![],
-    forbidden=vec![], listener=None))]
+    forbidden=vec![], listener=None, store=None))]
 #[allow(clippy::too_many_arguments)] // Python's keywords
 pub fn merge<'py>(
     py: Python<'py>,
@@ -33,28 +36,33 @@ pub fn merge<'py>(
     relations: Vec<GivenRelation>,
     forbidden: Vec<(String, String)>,
     listener: Option<Py<PyAny>>,
+    store: Option<PyRef<'py, Store>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let config = convert::config(config)?;
-    let grids = maps
-        .into_iter()
-        .map(|(name, data, resolution, origin)| convert::grid(name, &data, resolution, origin))
-        .collect::<PyResult<Vec<_>>>()?;
+    let grids = grids(maps)?;
     let index = |name: &str| {
         let missing =
             || Error::Config { key: "known".into(), problem: format!("no map is {name}") };
         grids.iter().position(|g| g.name() == name).ok_or_else(missing)
     };
     let told = known(grids.len(), index, &priors, &relations, &forbidden);
+    let store = store.map(|store| store.shared());
     let references = reference.into_iter().collect();
     let known = Known { order, references, ..told.map_err(convert::to_py_err)? };
     let is_heard = listener.is_some();
     let work = move |tell: Tell| {
         let event = |e: Event| tell.event(e);
         let heard = is_heard.then_some(&event as &(dyn Fn(Event) + Sync));
-        merge_told(grids, &known, &config, &|s, d, t| tell.tell(s, d, t), heard)
+        merge_told(grids, &known, &config, store, (&|s, d, t| tell.tell(s, d, t), heard))
     };
     let found = watched_told(py, progress, listener, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
+}
+
+pub fn grids(maps: Vec<Given>) -> PyResult<Vec<OccupancyGrid>> {
+    let grid =
+        |(name, data, resolution, origin): Given| convert::grid(name, &data, resolution, origin);
+    maps.into_iter().map(grid).collect()
 }
 
 pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> {

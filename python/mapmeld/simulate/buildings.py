@@ -1,4 +1,4 @@
-"""The generated buildings: office, cells, halls, wings, symmetric."""
+"""The generated buildings: office, floor, cells, halls, wings, symmetric."""
 
 from __future__ import annotations
 
@@ -37,6 +37,42 @@ def office(rng: np.random.Generator, size: Size | None, thickness: float) -> Flo
     for x in ((corridor, cross), (cross + corridor, width)):
         row_of_rooms(plan, rng, x, low[1], middle)
         row_of_rooms(plan, rng, x, high[0], middle)
+    return plan
+
+
+def floor(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
+    """A floor of any extent: corridors with offices on both sides every 13 m or so, cross ones every 30 m."""
+    width, height = _size(size, (100.0, 100.0), (20.0, 12.0), "a floor")
+    rows = max(1, round(height / 13.0))
+    corridors = rng.uniform(*_CORRIDOR, rows)
+    depths = rng.uniform(0.8, 1.2, 2 * rows)
+    depths *= (height - corridors.sum()) / depths.sum()
+    plan = Floorplan(thickness)
+    for x in (0.0, width):
+        plan.wall_y(x, 0.0, height)
+    blocks = divide(rng, 0.0, width, (25.0, 35.0))
+    base, previous = 0.0, 0.0
+    for k in range(rows):
+        low = base + float(depths[2 * k])
+        high = low + float(corridors[k])
+        far = high + float(depths[2 * k + 1])
+        plan.floor(0.0, low, width, high)
+        # The cross corridors lead from the corridor below to this one, somewhere else in every row.
+        crossings = []
+        if k:
+            for left, right in pairwise(blocks):
+                crossing = float(rng.uniform(*_CORRIDOR))
+                start = left + float(rng.uniform(0.2, 0.8)) * (right - left - crossing)
+                plan.floor(start, previous, start + crossing, low)
+                crossings.append((start, start + crossing))
+        edges = [0.0, *(x for crossing in crossings for x in crossing), width]
+        for span in pairwise(edges):
+            if span not in crossings:
+                if k:
+                    row_of_rooms(plan, rng, span, previous, base)
+                row_of_rooms(plan, rng, span, low, base)
+        base, previous = far, high
+    row_of_rooms(plan, rng, (0.0, width), previous, base)
     return plan
 
 

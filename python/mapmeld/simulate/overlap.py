@@ -40,6 +40,17 @@ class PlacedMap:
         self.known = se2.apply(T_world_map, grid.cell_centers(rows, cols))
         rows, cols = np.nonzero(grid.data == OCCUPIED)
         self.occupied = se2.apply(T_world_map, grid.cell_centers(rows, cols))
+        # The box around the known cells' centres, shape (2, 2): low, high.
+        self._box = np.array([self.known.min(axis=0), self.known.max(axis=0)]) if len(self.known) else None
+
+    def is_far_from(self, other: PlacedMap) -> bool:
+        """Whether the two lie so far apart that they have nothing in common."""
+        if self._box is None or other._box is None:
+            return True
+        apart = 1.0 + 4 * max(self.grid.resolution, other.grid.resolution)
+        return bool(
+            (self._box[0] > other._box[1] + apart).any() or (other._box[0] > self._box[1] + apart).any()
+        )
 
     def knows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether each world point, shape (n, 2), lies in a known cell."""
@@ -52,7 +63,7 @@ class PlacedMap:
 
 def overlap(a: PlacedMap, b: PlacedMap) -> Overlap:
     """What two placed maps have in common; symmetric up to the rounding of areas to cells."""
-    if not a.area or not b.area:
+    if not a.area or not b.area or a.is_far_from(b):
         return Overlap(0.0, 0.0, 0.0)
     # The finer cells of the two measure the common area, those of the smaller map where they are alike.
     probe, other = (a, b) if (a.grid.resolution, a.area) <= (b.grid.resolution, b.area) else (b, a)

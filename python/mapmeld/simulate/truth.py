@@ -18,6 +18,7 @@ from mapmeld.simulate.overlap import PlacedMap, overlap
 _SOURCES = {
     "maze": "simulated maze-like arena of 1.2 m wall panels",
     "office": "simulated offices along corridors",
+    "floor": "simulated floor of offices along many corridors",
     "cells": "simulated offices of one size along a corridor",
     "halls": "simulated halls along a corridor",
     "wings": "simulated building of equal wings along a corridor",

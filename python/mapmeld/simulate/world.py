@@ -14,6 +14,8 @@ from mapmeld.simulate.options import WORLDS, SimulateOptions
 from mapmeld.simulate.streams import Purpose, stream
 
 _MAZE_CELL, _BUILDING_CELL = 0.01, 0.02
+_FLOOR_CELL = 0.04
+"""Of a floor, which may be hundreds of metres wide."""
 _MAZE_WALL, _BUILDING_WALL = 0.06, 0.12
 _OCCUPIED_FROM, _FREE_TO = 65, 25
 """Occupancy in percent that counts as a wall, and as free, in a map that has shades."""
@@ -35,13 +37,15 @@ def build_world(options: SimulateOptions) -> OccupancyGrid:
         return plan.rasterise(_MAZE_CELL, options.world)
     build: dict[str, Callable[..., Floorplan]] = {
         "office": buildings.office,
+        "floor": buildings.floor,
         "cells": buildings.cells,
         "halls": buildings.halls,
         "wings": buildings.wings,
         "symmetric": buildings.symmetric,
     }
     plan = build[options.world](rng, options.size, options.wall_thickness or _BUILDING_WALL)
-    return plan.rasterise(_BUILDING_CELL, options.world)
+    cell = _FLOOR_CELL if options.world == "floor" else _BUILDING_CELL
+    return plan.rasterise(cell, options.world)
 
 
 def _definite(grid: OccupancyGrid) -> OccupancyGrid:

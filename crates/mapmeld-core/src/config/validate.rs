@@ -36,6 +36,9 @@ impl Config {
         let r = &self.registration;
         angle("registration.opening_tolerance", r.opening_tolerance)?;
         count("registration.max_corners", r.max_corners)?;
+        if let Some(partners) = r.partners {
+            count("registration.partners", partners)?;
+        }
         count("registration.shortlist", r.shortlist)?;
         count("registration.decoy_shortlist", r.decoy_shortlist)?;
         count("registration.max_modes", r.max_modes)?;

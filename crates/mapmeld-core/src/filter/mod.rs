@@ -43,6 +43,12 @@ pub trait Model: Sync {
     /// Update: draws a successor inside the mode and folds the observation in.
     fn advance(&self, state: &Self::State, mode: &Self::Mode, rng: &mut Stream) -> Self::State;
 
+    /// Whether a proposal makes use of what earlier ones worked out, so that their order counts: they are made one
+    /// after the other then.
+    fn learns(&self) -> bool {
+        false
+    }
+
     /// True when both states are one and the same, or so close that one's modes serve the other as well.
     fn is_same(&self, _a: &Self::State, _b: &Self::State) -> bool {
         false
@@ -141,7 +147,11 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
             });
             group_of.push(group);
         }
-        let modes = parallel::map(&leaders, |l| model.propose(&self.particles[*l].state));
+        let propose = |l: &usize| model.propose(&self.particles[*l].state);
+        let modes = match model.learns() {
+            true => leaders.iter().map(propose).collect(),
+            false => parallel::map(&leaders, propose),
+        };
 
         // Weigh: the predictive likelihood of a particle is the sum over its modes.
         let pool: Vec<&[M::Mode]> = modes.iter().map(Vec::as_slice).collect();

@@ -12,10 +12,11 @@ use crate::grid::{class_of, Class};
 use crate::local_map::{LocalMap, WallSample};
 use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
+use serde::{Deserialize, Serialize};
 
 /// What the walls say about a pose. Weights count independent observations, summed over both
 /// directions and halved.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct WallEvidence {
     /// Log-likelihood ratio against unrelated maps, nats.
     pub log_likelihood: f64,

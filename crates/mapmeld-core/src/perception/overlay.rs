@@ -8,6 +8,7 @@ use crate::grid::Locator;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
+use crate::vicinity::Circle;
 use std::sync::Arc;
 
 /// One placed map and what lies below it.
@@ -17,6 +18,8 @@ pub struct Layer {
     pub map: usize,
     /// Its pose: the virtual robot's x_t.
     pub t_world_map: Se2,
+    /// Around it, in the world.
+    pub circle: Circle,
     /// Probability that the map lies at one of the places that were followed when this one was, given the layers
     /// below.
     pub probability: f64,
@@ -45,6 +48,11 @@ impl Overlay {
     /// The layers, last placed first.
     pub fn layers(&self) -> impl Iterator<Item = &Layer> {
         std::iter::successors(self.0.as_deref(), |layer| layer.below.0.as_deref())
+    }
+
+    /// Those of the layers that may have something in common with what lies in a circle, last placed first.
+    pub fn near<'a>(&'a self, circle: &'a Circle) -> impl Iterator<Item = &'a Layer> {
+        self.layers().filter(|l| l.circle.is_near(circle))
     }
 
     /// True when both are the same merged map, by identity.
@@ -78,8 +86,10 @@ impl Overlay {
         cells: bool,
     ) -> Overlay {
         let m = &maps[map];
-        let below: Vec<(&LocalMap, Locator)> = self
-            .layers()
+        let circle = Circle::around(&m.grid, &t_world_map);
+        let near: Vec<&Layer> = self.near(&circle).collect();
+        let below: Vec<(&LocalMap, Locator)> = near
+            .iter()
             .map(|l| {
                 let below = &maps[l.map];
                 (below, below.grid.locator_from(&l.t_world_map.inverse()))
@@ -98,8 +108,8 @@ impl Overlay {
             };
             centers.iter().map(|c| t_world_map.apply(*c)).filter(|p| !is_there(p)).collect()
         };
-        let views: Vec<_> = self
-            .layers()
+        let views: Vec<_> = near
+            .iter()
             .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
             .collect();
         let is_shown = |s: &crate::local_map::WallSample| {
@@ -112,6 +122,7 @@ impl Overlay {
         Overlay(Some(Arc::new(Layer {
             map,
             t_world_map,
+            circle,
             probability,
             new_occupied: new_cells(true),
             new_free: new_cells(false),

@@ -15,9 +15,10 @@ use crate::evidence::Status;
 use crate::perception::WallEvidence;
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
 /// Where a candidate came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Source {
     /// A pair of similar corners.
     Corners,
@@ -51,7 +52,7 @@ pub struct Candidate {
 }
 
 /// A possible motion of the virtual robot from map a to map b: a mode of the proposal.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Mode {
     /// The transform at the local maximum of the likelihood.
     pub t_a_b: Se2,
@@ -66,7 +67,7 @@ pub struct Mode {
 }
 
 /// What the registration of a pair found at one degree of bending.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Rung {
     /// Modes, most likely first.
     pub modes: Vec<Mode>,

@@ -1,0 +1,341 @@
+//! Which pairs of many maps are worth registering.
+//!
+//! Two maps of one place show the same marks (corners of rooms, ends of walls) in the same arrangement, in whatever
+//! frame. Every two marks of a map that lie near each other are a word: how the second lies as seen from the first.
+//! An index knows in which maps each word stands; rare words count more. Words that two maps share vote for the
+//! transform between the maps, so that only those that agree with each other add up (geometric hashing: Lamdan,
+//! Wolfson, ICCV 1988). A short look at the walls puts those with the most votes in order.
+
+use crate::config::{Config, PerceptionConfig};
+use crate::local_map::LocalMap;
+use crate::parallel;
+use crate::perception::rigid;
+use crate::prior::Prior;
+use crate::probe::{axes_of, Axes};
+use crate::registration::climb::{self, Climb};
+use crate::result::Known;
+use crate::se2::{wrap, Se2, Vec2};
+use crate::vicinity::Circle;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::f64::consts::{PI, TAU};
+
+/// Up to so many maps every pair is registered, unless the options say otherwise.
+pub const ALL_PAIRS_UP_TO: usize = 40;
+/// Partners of a map where there are more maps than that.
+pub const PARTNERS: usize = 24;
+
+/// Most marks of a map, corners first.
+const MAX_MARKS: usize = 160;
+/// Least and largest distance between the marks of a word, metres.
+const SPAN: (f64, f64) = (0.8, 8.0);
+/// Side of the squares that positions are told apart by, metres; those next to a position are looked up as well.
+const CELL: f64 = 0.3;
+/// Number of directions that headings are told apart by.
+const HEADINGS: f64 = 16.0;
+/// Side of the squares in which votes for one shift are counted, metres.
+const VOTE_CELL: f64 = 1.2;
+/// Number of rotations in which votes are counted.
+const VOTE_TURNS: f64 = 36.0;
+/// Most transforms of a map that are looked at, those with the most votes first.
+const MAX_LOOKS: usize = 300;
+/// Those of them that are led uphill, by a glance at the walls.
+const MAX_CLIMBS: usize = 100;
+/// Steps uphill.
+const STEPS: usize = 6;
+/// Wall samples of a map that a glance takes.
+const SAMPLES: usize = 100;
+/// Words that stand in more than this share of the maps tell nothing; never fewer than [`LEAST_COMMON`].
+const COMMON: f64 = 0.3;
+/// Words that stand this many times are looked up in any case.
+const LEAST_COMMON: usize = 64;
+
+/// A place that tells itself from its surroundings, with a direction.
+#[derive(Debug, Clone, Copy)]
+struct Mark {
+    at: Vec2,
+    heading: f64,
+    /// Inner corner, outer corner, or either end of a wall.
+    kind: u64,
+}
+
+/// Two marks of one map: the middle between them and the direction from the first to the second.
+#[derive(Debug, Clone, Copy)]
+struct Word {
+    key: u64,
+    map: u32,
+    middle: [f32; 2],
+    direction: f32,
+}
+
+fn marks(map: &LocalMap) -> Vec<Mark> {
+    let corners = map.corners.iter().map(|c| {
+        let b = c.bisector();
+        Mark { at: c.vertex, heading: b.y.atan2(b.x), kind: u64::from(c.opening > PI) }
+    });
+    let ends = map.lines.iter().flat_map(|l| {
+        let heading = l.normal.y.atan2(l.normal.x);
+        [Mark { at: l.start, heading, kind: 2 }, Mark { at: l.end, heading, kind: 3 }]
+    });
+    let mut found: Vec<Mark> = corners.collect();
+    for end in ends {
+        // The end of a wall at a corner is the corner.
+        if !found.iter().any(|m| m.kind < 2 && (m.at - end.at).norm() < CELL) {
+            found.push(end);
+        }
+    }
+    found.truncate(MAX_MARKS);
+    found
+}
+
+/// The second mark as seen from the first: position in cells, heading in steps.
+fn seen_from(a: &Mark, b: &Mark) -> Option<(f64, f64, f64)> {
+    let d = b.at - a.at;
+    let distance = d.norm();
+    if distance < SPAN.0 || distance > SPAN.1 {
+        return None;
+    }
+    let along = d.y.atan2(d.x) - a.heading;
+    let turn = (b.heading - a.heading).rem_euclid(TAU) * HEADINGS / TAU;
+    Some((distance * along.cos() / CELL, distance * along.sin() / CELL, turn))
+}
+
+fn key(kinds: (u64, u64), u: i64, v: i64, turn: i64) -> u64 {
+    let turn = turn.rem_euclid(HEADINGS as i64) as u64;
+    ((kinds.0 * 4 + kinds.1) << 40) | (turn << 32) | (((u + 128) as u64) << 16) | (v + 128) as u64
+}
+
+/// Pairs of marks of a map; `each` gets where the second lies as seen from the first.
+fn each_word(marks: &[Mark], mut each: impl FnMut((u64, u64), (f64, f64, f64), (Vec2, f64))) {
+    for a in marks {
+        // The first mark is never of the later kind: one of two words that say the same is enough.
+        for b in marks.iter().filter(|b| b.kind >= a.kind) {
+            if let Some(seen) = seen_from(a, b) {
+                let d = b.at - a.at;
+                each((a.kind, b.kind), seen, (0.5 * (a.at + b.at), d.y.atan2(d.x)));
+            }
+        }
+    }
+}
+
+/// Where the words stand.
+struct Index {
+    /// In the order of their keys, then of the maps.
+    words: Vec<Word>,
+    /// Where each key begins and ends.
+    at: HashMap<u64, (u32, u32)>,
+    most: usize,
+    maps: f64,
+}
+
+impl Index {
+    fn new(marks: &[Vec<Mark>]) -> Self {
+        let numbered: Vec<(usize, &Vec<Mark>)> = marks.iter().enumerate().collect();
+        let of_maps = parallel::map(&numbered, |(map, marks)| {
+            let mut words = Vec::new();
+            each_word(marks, |kinds, (u, v, turn), (middle, direction)| {
+                words.push(Word {
+                    key: key(kinds, u.floor() as i64, v.floor() as i64, turn.round() as i64),
+                    map: *map as u32,
+                    middle: [middle.x as f32, middle.y as f32],
+                    direction: direction as f32,
+                });
+            });
+            words
+        });
+        let mut words = of_maps.concat();
+        // A stable sort of maps in their order.
+        words.sort_by_key(|w| w.key);
+        let mut at = HashMap::new();
+        let mut begin = 0;
+        for k in 1..=words.len() {
+            if k == words.len() || words[k].key != words[begin].key {
+                at.insert(words[begin].key, (begin as u32, k as u32));
+                begin = k;
+            }
+        }
+        let most = ((COMMON * marks.len() as f64) as usize).max(LEAST_COMMON);
+        Self { words, at, most, maps: marks.len() as f64 }
+    }
+
+    /// Transforms of other maps to a map that many words agree on: `T_map_other`, those with the most votes first.
+    fn proposed(&self, map: usize, marks: &[Vec<Mark>], centers: &[Vec2]) -> Vec<(usize, Se2)> {
+        let mut votes: Vec<Vote> = Vec::new();
+        each_word(&marks[map], |kinds, (u, v, turn), (middle, direction)| {
+            // Of the squares and directions around, those that are nearest.
+            let (u0, v0) = ((u - 0.5).floor() as i64, (v - 0.5).floor() as i64);
+            let nearest = turn.round();
+            let second = nearest + (turn - nearest).signum();
+            let turns = 1 + usize::from((turn - nearest).abs() > 0.25);
+            for turn in [nearest, second].into_iter().take(turns) {
+                for (du, dv) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                    let key = key(kinds, u0 + du, v0 + dv, turn as i64);
+                    let Some((begin, end)) = self.at.get(&key) else { continue };
+                    let words = &self.words[*begin as usize..*end as usize];
+                    if words.len() > self.most {
+                        continue;
+                    }
+                    let weight = (1.0 + self.maps / words.len() as f64).ln() as f32;
+                    for w in words.iter().filter(|w| w.map as usize != map) {
+                        let theta = direction - f64::from(w.direction);
+                        let to_middle = Vec2::new(f64::from(w.middle[0]), f64::from(w.middle[1]));
+                        let arm = centers[w.map as usize] - to_middle;
+                        let (s, c) = theta.sin_cos();
+                        let center =
+                            middle + Vec2::new(c * arm.x - s * arm.y, s * arm.x + c * arm.y);
+                        for grid in [0.0, 0.5] {
+                            let bin = bin(w.map, center, theta, grid);
+                            let (at, theta) = ([center.x as f32, center.y as f32], theta as f32);
+                            votes.push(Vote { bin, weight, at, theta });
+                        }
+                    }
+                }
+            }
+        });
+        votes.sort_by_key(|vote| vote.bin);
+        let mut bins: Vec<(f32, usize, Se2)> = Vec::new();
+        let mut begin = 0;
+        for k in 1..=votes.len() {
+            if k < votes.len() && votes[k].bin == votes[begin].bin {
+                continue;
+            }
+            let other = (votes[begin].bin >> 40) as usize;
+            let (weight, at, theta) = mean(&votes[begin..k]);
+            let turn = Se2::new(0.0, 0.0, theta);
+            bins.push((weight, other, Se2::from_parts(at - turn.rotate(centers[other]), theta)));
+            begin = k;
+        }
+        bins.sort_by(|a, b| b.0.total_cmp(&a.0));
+        bins.truncate(MAX_LOOKS);
+        bins.into_iter().map(|(_, other, t)| (other, t)).collect()
+    }
+}
+
+/// A vote for one transform: where the other map's centre lies, and how it is turned.
+struct Vote {
+    bin: u64,
+    weight: f32,
+    at: [f32; 2],
+    theta: f32,
+}
+
+/// The sum of some votes' weights, and their means.
+fn mean(votes: &[Vote]) -> (f32, Vec2, f64) {
+    let first = f64::from(votes[0].theta);
+    let (mut weight, mut at, mut off) = (0.0, Vec2::zeros(), 0.0);
+    for v in votes {
+        let w = f64::from(v.weight);
+        weight += w;
+        at += Vec2::new(f64::from(v.at[0]), f64::from(v.at[1])) * w;
+        off += wrap(f64::from(v.theta) - first) * w;
+    }
+    (weight as f32, at / weight, first + off / weight)
+}
+
+/// The bin of a vote in one of two grids, shifted against each other by half a bin.
+fn bin(map: u32, center: Vec2, theta: f64, grid: f64) -> u64 {
+    let turn = (theta.rem_euclid(TAU) * VOTE_TURNS / TAU + grid) as u64 % VOTE_TURNS as u64;
+    let at = |x: f64| ((x / VOTE_CELL + grid).floor() as i64).rem_euclid(1 << 14) as u64;
+    let grid = u64::from(grid > 0.0);
+    (u64::from(map) << 40) | (grid << 34) | (turn << 28) | (at(center.x) << 14) | at(center.y)
+}
+
+/// Whether all pairs of so many maps are worth registering.
+pub fn are_all(maps: usize, config: &Config) -> bool {
+    match config.registration.partners {
+        Some(partners) => partners + 1 >= maps,
+        None => maps <= ALL_PAIRS_UP_TO,
+    }
+}
+
+/// The pairs (a before b) that are worth registering: all of a few maps; of many, those of every map with its most
+/// promising partners, and those that are known to lie near each other.
+pub fn pairs(maps: &[LocalMap], known: &Known, config: &Config) -> Vec<(usize, usize)> {
+    let n = maps.len();
+    let partners = config.registration.partners.unwrap_or(PARTNERS);
+    if are_all(n, config) {
+        return (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b))).collect();
+    }
+    let ordered = |(a, b): (usize, usize)| (a.min(b), a.max(b));
+    let mut found: BTreeSet<(usize, usize)> = BTreeSet::new();
+    for (a, ranked) in ranked(maps, config).iter().enumerate() {
+        found.extend(ranked.iter().take(partners).map(|(b, _)| ordered((a, *b))));
+    }
+    let order = known.order.as_deref().unwrap_or_default();
+    found.extend(order.windows(2).map(|two| ordered((two[0], two[1]))));
+    found.extend(near_by_priors(maps, known));
+    found.extend(known.relations.iter().map(|r| ordered((r.a, r.b))));
+    found.into_iter().collect()
+}
+
+/// Pairs of maps that their priors, give or take three standard deviations, place near each other.
+fn near_by_priors(maps: &[LocalMap], known: &Known) -> Vec<(usize, usize)> {
+    let circle = |(m, prior): (usize, &Option<Prior>)| {
+        let prior = prior.as_ref()?;
+        let mut circle = Circle::around(&maps[m].grid, &prior.t_world_map);
+        circle.radius +=
+            3.0 * (prior.covariance[(0, 0)] + prior.covariance[(1, 1)]).max(0.0).sqrt();
+        Some((m, circle))
+    };
+    let placed: Vec<_> = known.priors.iter().enumerate().filter_map(circle).collect();
+    let two =
+        placed.iter().enumerate().flat_map(|(k, a)| placed[k + 1..].iter().map(move |b| (a, b)));
+    two.filter(|(a, b)| a.1.is_near(&b.1)).map(|(a, b)| (a.0, b.0)).collect()
+}
+
+/// Every map's partners, the most promising first, each with the log-likelihood ratio of the best transform that was
+/// looked at, nats. What two maps have to say to each other does not depend on the order of the maps.
+pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
+    let marks = parallel::map(maps, marks);
+    let centers: Vec<Vec2> = maps.iter().map(|m| m.center.unwrap_or_default()).collect();
+    let index = Index::new(&marks);
+    let all: Vec<usize> = (0..maps.len()).collect();
+    let rungs = config.perception.rungs();
+    let rigid = rungs[rungs.len() / 2].rigid();
+    let looked = parallel::map(&all, |map| {
+        let proposed = index.proposed(*map, &marks, &centers);
+        let mut glanced: Vec<(f64, usize, Se2)> = proposed
+            .into_iter()
+            .map(|(other, t)| (glance(&maps[*map], &maps[other], &t), other, t))
+            .collect();
+        glanced.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        glanced.truncate(MAX_CLIMBS);
+        let mut best: BTreeMap<usize, f64> = BTreeMap::new();
+        for (_, other, t) in glanced {
+            let score = look(&maps[*map], &maps[other], &t, &rigid);
+            let entry = best.entry(other).or_insert(score);
+            *entry = entry.max(score);
+        }
+        best
+    });
+    // Either map asks with its own words.
+    let mut found: Vec<BTreeMap<usize, f64>> = looked.clone();
+    for (a, of_a) in looked.iter().enumerate() {
+        for (b, score) in of_a {
+            let entry = found[*b].entry(a).or_insert(*score);
+            *entry = entry.max(*score);
+        }
+    }
+    let sorted = |of_map: BTreeMap<usize, f64>| {
+        let mut of_map: Vec<(usize, f64)> = of_map.into_iter().collect();
+        of_map.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        of_map
+    };
+    found.into_iter().map(sorted).collect()
+}
+
+/// How much of the walls agrees at a transform, seen from both maps.
+fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2) -> f64 {
+    let one_way = |a: &LocalMap, b: &LocalMap, t: &Se2| {
+        let stride = b.stride(SAMPLES);
+        let axes = Axes::new(&axes_of(&a.grid, &b.grid, t));
+        stride as f64 * f64::from(a.coarse.score(b.probes.iter().step_by(stride), &axes))
+    };
+    one_way(a, b, t_a_b) + one_way(b, a, &t_a_b.inverse())
+}
+
+/// The log-likelihood ratio a few steps uphill from a transform, nats.
+fn look(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, p: &PerceptionConfig) -> f64 {
+    let climb = Climb { samples: SAMPLES, steps: STEPS, scale: climb::wide(a, b) };
+    let top = climb.top(a, b, t_a_b, p).unwrap_or(*t_a_b);
+    rigid::log_likelihood(a, b, &top, 2 * SAMPLES, p)
+}

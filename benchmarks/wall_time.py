@@ -51,12 +51,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args = parser.parse_args(argv)
     case, maps = _maps(args.case)
 
-    command = [*_mapmeld(), "merge", *map(str, maps), "--particles", str(args.particles), "--quiet"]
+    program = [*command(), "merge", *map(str, maps), "--particles", str(args.particles), "--quiet"]
     if args.threads:
-        command += ["--threads", str(args.threads)]
+        program += ["--threads", str(args.threads)]
     runs = []
     for k in range(args.runs + 1):
-        run = measure(command)
+        run = measure(program)
         bench_report.tell(f"{'warm-up' if k == 0 else f'run {k}'}: {run.wall:.2f} s, {run.peak_mb:.0f} MB")
         runs.append(run)
     runs = runs[1:]
@@ -107,7 +107,7 @@ def _maps(name: str | None) -> tuple[str, list[Path]]:
     raise SystemExit("no maps to merge; set MAPMELD_SHARED to the folder that holds data/")
 
 
-def _mapmeld() -> list[str]:
+def command() -> list[str]:
     """The command line program that belongs to this interpreter."""
     script = Path(sys.executable).parent / "mapmeld"
     if script.is_file():

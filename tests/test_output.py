@@ -173,7 +173,7 @@ def test_a_failure_while_moving_is_undone(
     with OutputFolder(tmp_path) as out:
         output.write_merged_maps(out.staged, apart[0])
         (out.staged / "report.png").write_text("new")
-        output.write_result(out.staged, apart[0])
+        output.write_result(out.staged, apart[0], out.folder)
         monkeypatch.setattr(os, "rename", fail_once)
         with pytest.raises(MapmeldError, match=r"cannot be written: No space left"):
             out.commit()

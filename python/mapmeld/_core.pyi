@@ -5,7 +5,7 @@ JSON text, partial or whole. mapmeld.merging and mapmeld.map_features are the sa
 """
 
 from collections.abc import Callable, Sequence
-from typing import NotRequired, TypedDict, final
+from typing import Any, NotRequired, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,7 @@ class _Placement(TypedDict):
 
 class _Step(TypedDict):
     effective_sample_size: float
+    weights: list[float]
     resampled: bool
     log_evidence: float
 
@@ -102,6 +103,10 @@ class _Fused(TypedDict):
     data: NDArray[np.int8]
     resolution: float
     origin: list[float]
+
+class _Layers(_Fused):
+    sources: NDArray[np.int32]
+    disputed: NDArray[np.bool_]
 
 class _Component(TypedDict):
     data: NDArray[np.int8] | None
@@ -197,7 +202,7 @@ def fuse(
     name: str,
     placed: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float], Sequence[float]]],
     config: str,
-) -> _Fused: ...
+) -> _Layers: ...
 def merge(
     maps: Sequence[tuple[str, NDArray[np.int8], float, Sequence[float]]],
     config: str,
@@ -207,4 +212,5 @@ def merge(
     priors: Sequence[_Prior] = ...,
     relations: Sequence[_Relation] = ...,
     forbidden: Sequence[tuple[str, str]] = ...,
+    listener: Callable[[str, float, dict[str, Any]], object] | None = None,
 ) -> _Merge: ...

@@ -14,10 +14,12 @@ from mapmeld import (
     cli_inspect,
     cli_merge,
     cli_replay,
+    cli_report,
     cli_simulate,
     cli_studio,
 )
 from mapmeld.cli_common import EXIT_CODES, report_error
+from mapmeld.cli_options import with_rerun
 
 app = typer.Typer(
     name="mapmeld",
@@ -30,6 +32,7 @@ app = typer.Typer(
 app.command("merge", epilog=EXIT_CODES)(cli_merge.merge)
 app.command("studio", epilog=EXIT_CODES)(cli_studio.studio)
 app.command("replay", epilog=EXIT_CODES)(cli_replay.replay)
+app.command("report", epilog=EXIT_CODES)(cli_report.report)
 app.command("inspect", epilog=EXIT_CODES)(cli_inspect.inspect)
 app.command("evaluate", epilog=EXIT_CODES)(cli_evaluate.evaluate)
 app.command("figures", epilog=EXIT_CODES)(cli_figures.figures)
@@ -58,7 +61,7 @@ def _options(
 def main() -> None:
     """Entry point of the command `mapmeld`. Raises SystemExit with the exit codes of cli_common."""
     try:
-        app()
+        app(args=with_rerun(sys.argv[1:]))
     except Exception as error:
         sys.exit(report_error(error))
     except KeyboardInterrupt as error:

@@ -111,6 +111,23 @@ def merge(
         Path | None,
         typer.Option(metavar="PATH", help="Also write result.json there; - prints it.", show_default=False),
     ] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html, all of the merge on one page.")
+    ] = False,
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Also write the report's pictures as PNG and SVG there.", show_default=False
+        ),
+    ] = None,
+    rerun: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[FILE.rrd]",
+            help="Record the merge for the Rerun viewer; without a file, open it (needs mapmeld[rerun]).",
+            show_default=False,
+        ),
+    ] = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Tell also of pairs, particles and times.")
@@ -130,10 +147,12 @@ def merge(
     from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
     from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs
+    from mapmeld.merge_extras import Extras
 
     started = time.perf_counter()
     if output is None and json is None:
         raise MapmeldError("no output folder; give one with -o DIR, or --json - to print the result")
+    extras = Extras(report, figures, rerun, output)
     check_paths(maps)
     named, moment = check_bag_options(maps, topics, at)
     flags = [
@@ -172,8 +191,15 @@ def merge(
             if saved_session is not None and session is not None:
                 saved_session.check(grids, session)
             read_seconds = time.perf_counter() - started
+            listener = extras.listen(stack, grids)
             result = merge_maps(
-                grids, order=names, reference=reference, config=options, known=known, progress=progress
+                grids,
+                order=names,
+                reference=reference,
+                config=options,
+                known=known,
+                progress=progress,
+                listener=listener,
             )
         extra = {"read": read_seconds}
         if out is not None:
@@ -183,17 +209,28 @@ def merge(
             clock = time.perf_counter()
             write_report(out.staged, result, grids)
             extra["report"] = time.perf_counter() - clock
+        result = _with_files(result, inputs)
+        clock = time.perf_counter()
+        if extras.draw(result, grids, extra, out):
+            extra["page"] = time.perf_counter() - clock
         extra["total"] = time.perf_counter() - started
         result = dataclasses.replace(result, seconds={**result.seconds, **extra})
         if out is not None:
-            write_result(out.staged, result)
+            write_result(out.staged, result, out.folder)
             if known or saved_session is not None:
                 write_session(out.staged, Session.of(grids, options, known))
         if json is not None and str(json) != "-":
-            replace_file(json, result.to_json().encode())
+            replace_file(json, result.to_json(json.parent).encode())
+        extras.save()
         if out is not None:
             out.commit()
     _tell(result, inputs, output, json, quiet, verbose)
+
+
+def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:
+    """The result, with where its maps were read from."""
+    placed = zip(result.maps, inputs.files, strict=True)
+    return dataclasses.replace(result, maps=tuple(dataclasses.replace(m, file=file) for m, file in placed))
 
 
 def _load_matplotlib() -> None:

@@ -22,3 +22,14 @@ def gather_options(
         effective_config(setting, source)
         options = overlay(options, setting)
     return options
+
+
+def with_rerun(arguments: Sequence[str]) -> list[str]:
+    """The arguments with `--rerun` alone written as --rerun=viewer: typer knows no option whose value may be
+    left out. What ends in .rrd after it is its file, all else is not."""
+    out: list[str] = []
+    for k, argument in enumerate(arguments):
+        following = "".join(arguments[k + 1 : k + 2])
+        is_alone = argument == "--rerun" and not following.endswith(".rrd")
+        out.append("--rerun=viewer" if is_alone else argument)
+    return out

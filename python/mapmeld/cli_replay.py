@@ -124,7 +124,7 @@ def replay(
         write_report(out.staged, result, [run.maps[m.name] for m in result.maps])
         with saying(out.staged / DEVELOPMENT):
             draw_development(out.staged / DEVELOPMENT, moments, run.seconds)
-        write_result(out.staged, result)
+        write_result(out.staged, result, out.folder)
         out.commit()
     missing = [r for r in robots if r.name not in run.maps]
     warnings += [f"{r.bag.path}: {r.topic} has no map with cells; {r.name} is left out" for r in missing]

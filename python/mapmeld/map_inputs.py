@@ -14,6 +14,7 @@ from mapmeld.bag_time import BagTime, parse_bag_time
 from mapmeld.bag_topics import guess_topics, named_topics, robot_names
 from mapmeld.errors import MapFileError, MapmeldError
 from mapmeld.grid import OccupancyGrid
+from mapmeld.map_file import MapFile
 from mapmeld.map_io import read_map
 from mapmeld.map_yaml import one_line
 
@@ -29,9 +30,11 @@ class BagTopic(NamedTuple):
 
 @dataclass
 class MapInputs:
-    """Maps that were read. notes: where each recorded map comes from. warnings: what the user must know."""
+    """Maps that were read, and from which files. notes: where each recorded map comes from. warnings: what
+    the user must know."""
 
     grids: list[OccupancyGrid] = field(default_factory=list)
+    files: list[MapFile] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
@@ -94,6 +97,7 @@ def read_inputs(
                 _read_last(job, at, inputs)
             else:
                 inputs.grids.append(read_map(job))
+                inputs.files.append(MapFile(job))
     if not inputs.grids:
         raise MapFileError(one_line("; ".join(inputs.warnings)))
     return inputs
@@ -143,6 +147,7 @@ def _read_last(robot: BagTopic, at: BagTime | None, inputs: MapInputs) -> None:
     found = bag.last_map(robot.topic, robot.name, None if at is None else at.in_bag(bag.start))
     if found is not None:
         inputs.grids.append(found.grid)
+        inputs.files.append(MapFile(bag.path, robot.topic, found.nanoseconds))
         updates = f", {found.updates} updates" if found.updates else ""
         inputs.notes.append(
             f"{robot.name}: {robot.topic} of {bag.path}, at {bag.time(found.nanoseconds)}{updates}"

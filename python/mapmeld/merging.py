@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from mapmeld import _core
 from mapmeld.config import effective_config, overlay
 from mapmeld.errors import MapmeldError
+from mapmeld.events import Listener
+from mapmeld.filter_step import FilterStep
 from mapmeld.grid import OccupancyGrid
 from mapmeld.known import Known, told
 from mapmeld.known_cells import known_centre
@@ -40,6 +42,7 @@ def merge(
     config: Mapping[str, Any] | None = None,
     known: Known | None = None,
     progress: Progress | None = None,
+    listener: Listener | None = None,
 ) -> MergeResult:
     """Merges maps whose frames are unknown to each other (VR-SLAM).
 
@@ -52,7 +55,8 @@ def merge(
     config: options, nested by stage and partial; see default_config.
     known: priors and pins of poses, points that two maps share, pairs that do not match: evidence like any
         other. Where there are priors or pins, their world is the frame of the component with these maps.
-    progress: called between pieces of work, on the calling thread; what it raises ends the merge.
+    progress: called between pieces of work, on the calling thread; what it raises ends the merge. listener:
+        hears of what happens, see mapmeld.events; without one nothing is told, and it costs nothing.
 
     That maps do not overlap, or that two answers fit, is a value of the result. Raises MapmeldError for no
     maps, two of one name, an order, reference or known that names no map, and an order that does not begin
@@ -88,6 +92,7 @@ def merge(
         known.core_priors(),
         known.relations(),
         known.forbidden,
+        listener,
     )
     seconds = {**found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
@@ -171,6 +176,7 @@ def result_of(
             in_world=c["in_world"],
             provenance=_frozen(c.get("sources")),
             conflicts=_frozen(c.get("disputed")),
+            steps=tuple(FilterStep(**s) for s in c["steps"]),
         )
         for k, c in enumerate(found["components"])
     ]

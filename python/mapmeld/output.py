@@ -19,11 +19,11 @@ from mapmeld.map_yaml import one_line, read_map_yaml
 from mapmeld.result import MergeResult
 from mapmeld.session_file import Session
 
-RESULT, REPORT, SESSION = "result.json", "report.png", "session.json"
+RESULT, REPORT, PAGE, SESSION = "result.json", "report.png", "report.html", "session.json"
 ESTIMATES, DEVELOPMENT = "estimates.jsonl", "development.png"
 """What a replay writes beside these."""
 
-_OURS = {RESULT, REPORT, SESSION, ESTIMATES, DEVELOPMENT}
+_OURS = {RESULT, REPORT, PAGE, SESSION, ESTIMATES, DEVELOPMENT}
 _STAGING = ".mapmeld-"
 _MERGED = re.compile(r"merged(_[0-9]+)?\.(yaml|pgm)")
 # What every result.json has. A folder whose result.json has it was written by a merge.
@@ -43,7 +43,7 @@ def write_output(
     with OutputFolder(folder, force=force) as out:
         write_merged_maps(out.staged, result)
         write_report(out.staged, result, maps)
-        write_result(out.staged, result)
+        write_result(out.staged, result, out.folder)
         out.commit()
 
 
@@ -61,10 +61,16 @@ def write_report(folder: Path, result: MergeResult, maps: Sequence[OccupancyGrid
         draw_report(folder / REPORT, result, maps)
 
 
-def write_result(folder: Path, result: MergeResult) -> None:
-    """Writes result.json."""
+def write_page(folder: Path, html: str) -> None:
+    """Writes report.html."""
+    with saying(folder / PAGE):
+        (folder / PAGE).write_text(html, encoding="utf-8")
+
+
+def write_result(folder: Path, result: MergeResult, home: Path) -> None:
+    """Writes result.json. home: the folder that it will lie in, from which it names the maps' files."""
     with saying(folder / RESULT):
-        (folder / RESULT).write_text(result.to_json(), encoding="ascii")
+        (folder / RESULT).write_text(result.to_json(home), encoding="ascii")
 
 
 def write_session(folder: Path, session: Session) -> None:

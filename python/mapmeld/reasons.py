@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Mapping, Sequence
 
@@ -12,11 +13,11 @@ from mapmeld import se2
 from mapmeld.frames import is_one_place
 from mapmeld.result import Hypothesis, Pair
 
-_LITTLE_WALL_M = 3.0
+LITTLE_WALL_M = 3.0
 """Metres of wall in common below which that is said to be lacking."""
-_FEW_IN_SECOND_DIRECTION = 0.1
+FEW_IN_SECOND_DIRECTION = 0.1
 """Share of the hits in the weaker direction below which the walls are said to run one way only."""
-_MANY_CONFLICTS = 0.05
+MANY_CONFLICTS = 0.05
 """Share of contradicting walls above which they are said to contradict."""
 
 
@@ -82,21 +83,53 @@ def _evidence(pair: Pair) -> str:
 def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
     """What speaks against the best mode of two maps."""
     mode = pair.modes[0]
-    chance = pair.decoy_log_likelihood or 0.0
-    if mode.shared_length < _LITTLE_WALL_M:
-        return ", too little"
-    if mode.conflicts > _MANY_CONFLICTS * (mode.hits + mode.conflicts):
-        share = 100 * mode.conflicts / (mode.hits + mode.conflicts)
-        return f", {share:.0f} % of it amid free space of the other"
-    if mode.second_direction < _FEW_IN_SECOND_DIRECTION * mode.hits:
-        return ", nearly all in one direction"
     centre = centres[pair.b]
     rivals = [m.log_likelihood for m in pair.modes if not is_one_place(m.T_a_b, mode.T_a_b, centre)]
-    chance = max([chance, *rivals])
-    if mode.log_likelihood > 0 and chance > 0.5 * mode.log_likelihood:
-        share = math.floor(100 * chance / mode.log_likelihood)
-        return f", and its mirror image or another place fits {min(share, 100)} % as well"
+    rival = max([pair.decoy_log_likelihood or 0.0, *rivals])
+    numbers = (mode.shared_length, mode.hits, mode.conflicts, mode.second_direction)
+    match lack_of(*numbers, mode.log_likelihood, rival):
+        case Lack.WALL:
+            return ", too little"
+        case Lack.CONFLICTS:
+            share = 100 * mode.conflicts / (mode.hits + mode.conflicts)
+            return f", {share:.0f} % of it amid free space of the other"
+        case Lack.DIRECTION:
+            return ", nearly all in one direction"
+        case Lack.RIVAL:
+            share = math.floor(100 * rival / mode.log_likelihood)
+            return f", and its mirror image or another place fits {min(share, 100)} % as well"
     return ""
+
+
+class Lack(enum.Enum):
+    """What speaks most against a mode of two maps."""
+
+    WALL = enum.auto()
+    CONFLICTS = enum.auto()
+    DIRECTION = enum.auto()
+    RIVAL = enum.auto()
+    NOTHING = enum.auto()
+
+
+def lack_of(
+    shared_length: float,
+    hits: float,
+    conflicts: float,
+    second_direction: float,
+    log_likelihood: float,
+    rival: float,
+) -> Lack:
+    """What a mode lacks. rival: the log-likelihood of the mirror image or the best other place, nats; the
+    rest is as in Mode."""
+    if shared_length < LITTLE_WALL_M:
+        return Lack.WALL
+    if conflicts > MANY_CONFLICTS * (hits + conflicts):
+        return Lack.CONFLICTS
+    if second_direction < FEW_IN_SECOND_DIRECTION * hits:
+        return Lack.DIRECTION
+    if log_likelihood > 0 and rival > 0.5 * log_likelihood:
+        return Lack.RIVAL
+    return Lack.NOTHING
 
 
 def _other(pair: Pair, name: str) -> str:

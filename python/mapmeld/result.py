@@ -6,12 +6,15 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapmeld.filter_step import FilterStep
 from mapmeld.grid import OccupancyGrid
+from mapmeld.map_file import MapFile
 
 if TYPE_CHECKING:
     from mapmeld.known import Known
@@ -32,6 +35,7 @@ class PlacedMap:
     probability: that the map lies where T_component_map says, 0..1; 0 for a blank map. Of an ambiguous map:
         that of its most probable place among the others.
     reason: why it stands so, a sentence with its numbers.
+    file: where it was read from; None for a map that is no file's.
     """
 
     name: str
@@ -41,6 +45,7 @@ class PlacedMap:
     status: str
     probability: float
     reason: str
+    file: MapFile | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +131,7 @@ class Component:
     provenance: int32, of the shape of `merged.data`: for each cell the index into `order` of the first map
         that shows what the merged map shows there, -1 where no map knows it. conflicts: bool, of the same
         shape: the conflict_cells. Both None where there is no merged map or nobody counted.
+    steps: of the filter in its travels through the maps of the component, in their order.
     in_world: the frame is not that of `reference` but the world of priors and pins.
     """
 
@@ -138,6 +144,7 @@ class Component:
     in_world: bool = False
     provenance: NDArray[np.int32] | None = None
     conflicts: NDArray[np.bool_] | None = None
+    steps: tuple[FilterStep, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,9 +190,10 @@ class MergeResult:
         """The fused map of every component but the blank ones, in the components' order."""
         return tuple(c.merged for c in self.components if c.merged is not None)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self, folder: str | Path = ".") -> dict[str, Any]:
         """The contents of result.json: plain dicts, lists, strings, numbers and None, see docs/result.md.
 
+        folder: where the file will lie; paths of maps are told from there.
         Numbers that are not finite become None. The same maps, options and seed give the same contents but
         for `seconds`: the number of threads is left out of `config` for that reason.
         """
@@ -199,6 +207,7 @@ class MergeResult:
                     "status": m.status,
                     "probability": _number(m.probability),
                     "reason": m.reason,
+                    "file": None if m.file is None else m.file.to_dict(Path(folder)),
                 }
                 for m in self.maps
             ],
@@ -213,6 +222,7 @@ class MergeResult:
                     "shared_cells": c.shared_cells,
                     "conflict_cells": c.conflict_cells,
                     "in_world": c.in_world,
+                    "steps": [s.to_dict() for s in c.steps],
                 }
                 for c in self.components
             ],
@@ -238,10 +248,10 @@ class MergeResult:
             "version": self.version,
         }
 
-    def to_json(self) -> str:
+    def to_json(self, folder: str | Path = ".") -> str:
         """`to_dict` as JSON in ASCII, an item a line, with a final newline."""
         lines = []
-        for key, value in self.to_dict().items():
+        for key, value in self.to_dict(folder).items():
             text = json.dumps(value, allow_nan=False)
             if isinstance(value, list) and value and isinstance(value[0], dict):
                 items = ",\n  ".join(json.dumps(item, allow_nan=False) for item in value)

@@ -36,6 +36,11 @@ impl Canonical {
         self.place[given]
     }
 
+    /// The given index of a place in this order.
+    pub fn given(&self, place: usize) -> usize {
+        self.order[place]
+    }
+
     /// The maps in this order.
     pub fn arranged<T: Copy>(&self, maps: &[T]) -> Vec<T> {
         self.order.iter().map(|k| maps[*k]).collect()
@@ -66,8 +71,6 @@ impl Canonical {
     /// A result of maps in this order, told of the maps as given.
     pub fn restored(&self, merge: Merge) -> Merge {
         let given = |m: usize| self.order[m];
-        let mut pairs: Vec<PairModes> = merge.pairs.into_iter().map(|p| self.pair(p)).collect();
-        pairs.sort_by_key(|p| (p.a, p.b));
         Merge {
             placements: self.place.iter().map(|k| merge.placements[*k].clone()).collect(),
             components: merge
@@ -88,10 +91,17 @@ impl Canonical {
                 })
                 .collect(),
             probability: merge.probability,
-            pairs,
+            pairs: self.pairs(merge.pairs),
             registered_pairs: merge.registered_pairs,
             seconds: merge.seconds,
         }
+    }
+
+    /// Pairs of maps in this order, told of the maps as given.
+    pub fn pairs(&self, pairs: Vec<PairModes>) -> Vec<PairModes> {
+        let mut pairs: Vec<PairModes> = pairs.into_iter().map(|p| self.pair(p)).collect();
+        pairs.sort_by_key(|p| (p.a, p.b));
+        pairs
     }
 
     /// A pair, its first map the one that was given first.

@@ -4,6 +4,7 @@ use crate::cache::{self, Cache, Lent, Noted};
 use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::error::Result;
+use crate::events::Listener;
 use crate::local_map::LocalMap;
 use crate::merge::{judged, travel};
 use crate::pair_table::PairTable;
@@ -21,7 +22,7 @@ pub(crate) fn join(
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
     config: &Config,
-    observer: Observer,
+    (observer, listener): (Observer, Listener),
 ) -> Result<Option<Vec<Cluster>>> {
     // Single maps alone tell nothing that their pairs have not told.
     if clusters.len() < 2 || clusters.iter().all(|c| c.members.len() == 1) {
@@ -39,8 +40,8 @@ pub(crate) fn join(
     let found = cache.register(&merged, hints, config, observer);
     let joined = found.and_then(|(found, _)| {
         let of_clusters = judged(found, 0, &merged.maps, config);
-        let tables = (pairs, &of_clusters);
-        travel_among(maps, &merged.maps, tables, clusters, (known, rung), config, observer)
+        let (tables, heard) = ((pairs, &of_clusters), (observer, listener));
+        travel_among(maps, &merged.maps, tables, clusters, (known, rung), config, heard)
     });
     cache.give_back(merged);
     joined
@@ -78,7 +79,7 @@ fn travel_among(
     clusters: &[Cluster],
     (known, rung): (&Known, usize),
     config: &Config,
-    observer: Observer,
+    (observer, listener): (Observer, Listener),
 ) -> Result<Option<Vec<Cluster>>> {
     let first = known.order.as_ref().and_then(|o| o.first().copied());
     let first = first.and_then(|r| clusters.iter().position(|c| c.members.contains(&r)));
@@ -99,7 +100,7 @@ fn travel_among(
         known: &of_clusters,
         parts: Some(Parts { maps, overlays: &overlays, known, pairs: of_maps }),
     };
-    let travelled = travel(robot, &of_clusters, observer)?;
+    let travelled = travel(robot, &of_clusters, observer, (listener, Some(clusters)))?;
     if travelled.len() == clusters.len() {
         return Ok(None);
     }

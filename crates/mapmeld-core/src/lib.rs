@@ -30,6 +30,7 @@ pub mod cluster;
 pub mod config;
 pub mod distance;
 pub mod error;
+pub mod events;
 pub mod evidence;
 pub mod filter;
 mod forbidden;

@@ -36,6 +36,8 @@ pub struct Patch {
     pub samples: Vec<u32>,
     /// Their mean position, metres.
     pub center: Vec2,
+    /// How far the farthest lies from it, metres.
+    pub radius: f64,
     /// The patches that it holds on to, with the distance between the centres, metres; at least one.
     pub neighbours: Vec<(u32, f64)>,
 }
@@ -260,7 +262,8 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
         if some.len() < 2 * PATCH_SAMPLES || span.max() < PATCH_SIZE {
             let sum = some.iter().map(at).fold(Vec2::zeros(), |a, b| a + b);
             let center = sum / some.len() as f64;
-            done.push(Patch { center, samples: some, neighbours: Vec::new() });
+            let radius = some.iter().map(|k| (at(k) - center).norm()).fold(0.0, f64::max);
+            done.push(Patch { center, radius, samples: some, neighbours: Vec::new() });
             continue;
         }
         let axis = usize::from(span.y > span.x);

@@ -5,8 +5,9 @@ use crate::canonical::Canonical;
 use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::error::{Error, Result};
+use crate::events::{Event, Listener};
 use crate::evidence::{self, World};
-use crate::filter::{ParticleFilter, Step};
+use crate::filter::{ParticleFilter, Step, Told};
 use crate::fuse;
 use crate::grid::OccupancyGrid;
 use crate::joining;
@@ -31,9 +32,20 @@ pub fn merge(
     config: &Config,
     observer: Observer,
 ) -> Result<Merge> {
+    merge_told(grids, known, config, observer, None)
+}
+
+/// A merge whose events are told to a listener.
+pub fn merge_told(
+    grids: Vec<OccupancyGrid>,
+    known: &Known,
+    config: &Config,
+    observer: Observer,
+    listener: Listener,
+) -> Result<Merge> {
     config.validate()?;
     let grids: Vec<Noted> = grids.iter().map(|g| (g, cache::digest(g))).collect();
-    let found = merge_with(&mut Cache::passing(), &grids, known, config, observer)?;
+    let found = merge_with(&mut Cache::passing(), &grids, known, config, (observer, listener))?;
     // Whoever merges once wants the merged map.
     match found.components.iter().find_map(|c| c.fused.as_ref().err()) {
         Some(problem) => Err(problem.clone()),
@@ -47,17 +59,20 @@ pub(crate) fn merge_with(
     grids: &[Noted],
     known: &Known,
     config: &Config,
-    observer: Observer,
+    (observer, listener): (Observer, Listener),
 ) -> Result<Merge> {
     check_known(known, grids.len())?;
     let canonical = Canonical::of(grids.iter().map(|(g, _)| *g));
     let (grids, known) = (canonical.arranged(grids), canonical.known(known));
+    let restored = listener.map(|tell| |event: Event| tell(event.restored(&canonical)));
+    let listener: Listener = restored.as_ref().map(|tell| tell as &(dyn Fn(Event) + Sync));
     let found = parallel::with_threads(config.threads, || {
         let mut clock = Clock::new();
         // Section 5: data points, lines, corners.
         let lent = cache.take(&grids, Stage::Prepare, config, observer)?;
         clock.lap("prepare");
-        let found = run(&lent, cache, &known, config, (observer, clock));
+        tell(listener, || Event::prepared(&lent.maps));
+        let found = run(&lent, cache, &known, config, (observer, listener, clock));
         cache.give_back(lent);
         found
     })?;
@@ -69,7 +84,7 @@ fn run(
     cache: &mut Cache,
     known: &Known,
     config: &Config,
-    (observer, mut clock): (Observer, Clock),
+    (observer, listener, mut clock): (Observer, Listener, Clock),
 ) -> Result<Merge> {
     // Section 3: the possible motions u_t of every pair, once for all particles. How bent the maps are is
     // learnt from the pairs that fit best.
@@ -77,6 +92,7 @@ fn run(
         registered(lent, cache, known, config, observer)?;
     let (config, maps) = (&config, lent.maps.as_slice());
     clock.lap("register");
+    tell(listener, || Event::registered(&pairs));
 
     // Sections 2 and 4: the virtual robot travels through each component.
     let robot = VirtualRobot {
@@ -89,17 +105,19 @@ fn run(
         known,
         parts: None,
     };
-    let mut clusters: Vec<Cluster> = travel(robot, known, observer)?
+    let mut clusters: Vec<Cluster> = travel(robot, known, observer, (listener, None))?
         .into_iter()
         .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, known, config))
         .collect();
     clock.lap("filter");
+    tell(listener, || Event::refined(&clusters));
 
     // Past the paper: merged maps are maps, so the robot travels among them until nothing joins.
     while let Some(joined) =
-        joining::join(lent, cache, &pairs, &clusters, (known, rung), config, observer)?
+        joining::join(lent, cache, &pairs, &clusters, (known, rung), config, (observer, listener))?
     {
         clusters = joined;
+        tell(listener, || Event::refined(&clusters));
     }
     if !known.relations.is_empty() {
         clusters = relation::tied(clusters, known);
@@ -183,11 +201,13 @@ pub(crate) fn judged(
 }
 
 /// Lets the virtual robot travel from a reference as far as the evidence carries, then from another
-/// one through the maps that are left. One list of worlds, most probable first, for each travel.
+/// one through the maps that are left. One list of worlds, most probable first, for each travel. `clusters`, for the
+/// listener: what the robot's maps are merged of, if they are merged maps.
 pub(crate) fn travel(
     mut robot: VirtualRobot,
     known: &Known,
     observer: Observer,
+    (listener, clusters): (Listener, Option<&[Cluster]>),
 ) -> Result<Vec<(Vec<World>, Vec<Step>)>> {
     let mut travelled = Vec::new();
     while let Some(start) = choose_start(&robot, known) {
@@ -195,11 +215,17 @@ pub(crate) fn travel(
         let seed = robot.config.seed.wrapping_add(travelled.len() as u64);
         let mut filter =
             ParticleFilter::new(robot.start(start), f.particles, f.resample_below, seed);
+        let told = |told: &Told<VirtualRobot>, step: &Step| {
+            // A step that leads nowhere is the end of the travel, and none of it.
+            if step.advanced > 0 {
+                tell(listener, || Event::stepped(&robot, (told, step), travelled.len(), clusters));
+            }
+        };
         let mut steps = Vec::new();
         loop {
             let visited = robot.open.iter().filter(|o| !**o).count() + steps.len();
             observe(observer, Stage::Filter, visited, robot.open.len())?;
-            let step = filter.step(&robot);
+            let step = filter.step_told(&robot, listener.is_some().then_some(&told));
             if step.advanced == 0 {
                 break;
             }
@@ -287,6 +313,13 @@ fn check_known(known: &Known, n: usize) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Makes an event where somebody listens.
+fn tell(listener: Listener, event: impl FnOnce() -> Event) {
+    if let Some(tell) = listener {
+        tell(event());
+    }
 }
 
 fn observe(observer: Observer, stage: Stage, done: usize, total: usize) -> Result<()> {

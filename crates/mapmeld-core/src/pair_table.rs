@@ -25,6 +25,11 @@ impl PairTable {
         Self { n, pairs, at }
     }
 
+    /// The pairs.
+    pub fn pairs(&self) -> &[PairModes] {
+        &self.pairs
+    }
+
     /// Takes the pairs out.
     pub fn into_pairs(self) -> Vec<PairModes> {
         self.pairs

@@ -73,7 +73,8 @@ impl Session {
         let current: Vec<Digest> = self.maps.iter().map(|m| m.digest).collect();
         let grids: Vec<Noted> = self.maps.iter().map(|m| (&m.grid, m.digest)).collect();
         self.cache.begin(&current);
-        let found = merge::merge_with(&mut self.cache, &grids, known, &self.config, observer);
+        let found =
+            merge::merge_with(&mut self.cache, &grids, known, &self.config, (observer, None));
         self.cache.end(found.is_err());
         found
     }

@@ -9,6 +9,7 @@ use crate::filter::{LogWeight, Model, Stream};
 use crate::forbidden;
 use crate::local_map::LocalMap;
 use crate::pair_table::PairTable;
+use crate::parallel;
 use crate::perception::placed::{self, Placed};
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
@@ -167,6 +168,8 @@ impl VirtualRobot<'_> {
                 None => kept.push((support, x, covariance)),
             }
         }
+        // What no pair speaks for no group of placed maps speaks for either.
+        kept.retain(|k| k.0 > 0.0);
         kept.sort_by(|a, b| b.0.total_cmp(&a.0));
         kept.truncate(self.config.filter.candidates_per_map);
         kept
@@ -284,6 +287,29 @@ impl VirtualRobot<'_> {
             }
         };
         NextPose { map, t_world_map: x, covariance, evidence, probability, any, psi, gamma }
+    }
+}
+
+/// For whoever records a merge.
+impl VirtualRobot<'_> {
+    /// Psi and gamma of poses offered to a state, whatever model weighs them: the paper's perception.
+    pub fn terms(&self, merged: &Overlay, modes: &[NextPose]) -> Vec<(f64, f64)> {
+        let p = &self.config.perception;
+        if p.model == PerceptionModel::PsiGamma {
+            return modes.iter().map(|m| (m.psi, m.gamma)).collect();
+        }
+        // The walls' model keeps no cells of the merged map.
+        let mut layers: Vec<_> = merged.layers().collect();
+        layers.reverse();
+        let with_cells = layers.into_iter().fold(Overlay::default(), |below, l| {
+            below.with(self.maps, l.map, l.t_world_map, l.probability, true)
+        });
+        let of_mode = |m: &NextPose| {
+            let local = &self.maps[m.map];
+            let c = Comparison::new(self.maps, &with_cells, local, m.t_world_map, p.sigma_cells);
+            (psi::psi(&c, p.classes), gamma::gamma(&c))
+        };
+        parallel::map(modes, of_mode)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use mapmeld_core::config::Config;
 use mapmeld_core::error::Error;
+use mapmeld_core::fuse::Fused;
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
@@ -53,6 +54,15 @@ pub fn set_grid(out: &Bound<'_, PyDict>, grid: &OccupancyGrid) -> PyResult<()> {
     out.set_item("data", cells.reshape([grid.height(), grid.width()])?)?;
     out.set_item("resolution", grid.resolution())?;
     out.set_item("origin", grid.origin().to_array())
+}
+
+/// Puts a merged map and the layers behind it into a dict.
+pub fn set_layers(out: &Bound<'_, PyDict>, fused: &Fused) -> PyResult<()> {
+    let (py, shape) = (out.py(), [fused.grid.height(), fused.grid.width()]);
+    set_grid(out, &fused.grid)?;
+    let sources = fused.sources.iter().map(|s| s.map_or(-1, i32::from));
+    out.set_item("sources", PyArray1::from_iter(py, sources).reshape(shape)?)?;
+    out.set_item("disputed", PyArray1::from_slice(py, &fused.disputed).reshape(shape)?)
 }
 
 pub fn points<'py>(

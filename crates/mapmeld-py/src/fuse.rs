@@ -29,6 +29,6 @@ pub fn fuse<'py>(
         parallel::with_threads(config.threads, || fuse_maps(name, &placed, &config.fuse))?
     });
     let out = PyDict::new(py);
-    convert::set_grid(&out, &fused.map_err(convert::to_py_err)?.grid)?;
+    convert::set_layers(&out, &fused.map_err(convert::to_py_err)?)?;
     Ok(out)
 }

@@ -1,6 +1,7 @@
 //! Python bindings: convert, call, map errors. No algorithm lives here.
 
 mod convert;
+mod events;
 mod fuse;
 mod known;
 mod local_map;

@@ -3,22 +3,24 @@
 use crate::convert;
 use crate::known::{known, GivenPrior, GivenRelation};
 use crate::local_map::mode;
-use crate::watch::{watched, Tell};
+use crate::watch::{watched_told, Tell};
 use mapmeld_core::error::Error;
-use mapmeld_core::merge::merge as core_merge;
+use mapmeld_core::events::Event;
+use mapmeld_core::merge::merge_told;
+use mapmeld_core::registration::PairModes;
 use mapmeld_core::result::{Known, Merge};
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 type Given<'py> = (String, PyReadonlyArray2<'py, i8>, f64, [f64; 3]);
 
 /// Merges maps given as (name, data, resolution, origin). `progress(stage, done, total)` is called
-/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C. Priors, relations
-/// and forbidden pairs name maps: see `known`.
+/// between pieces of work, on the calling thread; what it raises ends the merge, as does Ctrl-C. So is
+/// `listener(name, seconds, data)`, with every event. Priors, relations and forbidden pairs name maps: see `known`.
 #[pyfunction]
 #[pyo3(signature = (maps, config, order=None, reference=None, progress=None, priors=vec![], relations=vec![],
-    forbidden=vec![]))]
+    forbidden=vec![], listener=None))]
 #[allow(clippy::too_many_arguments)] // Python's keywords
 pub fn merge<'py>(
     py: Python<'py>,
@@ -30,6 +32,7 @@ pub fn merge<'py>(
     priors: Vec<GivenPrior>,
     relations: Vec<GivenRelation>,
     forbidden: Vec<(String, String)>,
+    listener: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let config = convert::config(config)?;
     let grids = maps
@@ -44,8 +47,13 @@ pub fn merge<'py>(
     let told = known(grids.len(), index, &priors, &relations, &forbidden);
     let references = reference.into_iter().collect();
     let known = Known { order, references, ..told.map_err(convert::to_py_err)? };
-    let work = move |tell: Tell| core_merge(grids, &known, &config, &|s, d, t| tell.tell(s, d, t));
-    let found = watched(py, progress, work)?;
+    let is_heard = listener.is_some();
+    let work = move |tell: Tell| {
+        let event = |e: Event| tell.event(e);
+        let heard = is_heard.then_some(&event as &(dyn Fn(Event) + Sync));
+        merge_told(grids, &known, &config, &|s, d, t| tell.tell(s, d, t), heard)
+    };
+    let found = watched_told(py, progress, listener, work)?;
     to_dict(py, &found.map_err(convert::to_py_err)?)
 }
 
@@ -74,6 +82,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
         for s in &c.steps {
             let e = PyDict::new(py);
             e.set_item("effective_sample_size", s.effective_sample_size)?;
+            e.set_item("weights", &s.weights)?;
             e.set_item("resampled", s.resampled)?;
             e.set_item("log_evidence", s.log_evidence)?;
             steps.append(e)?;
@@ -84,13 +93,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
         d.set_item("conflict_cells", fused.map(|f| f.conflicts))?;
         d.set_item("shared_cells", fused.map(|f| f.shared))?;
         match fused {
-            Some(f) => {
-                convert::set_grid(&d, &f.grid)?;
-                let shape = [f.grid.height(), f.grid.width()];
-                let sources = f.sources.iter().map(|s| s.map_or(-1, i32::from));
-                d.set_item("sources", PyArray1::from_iter(py, sources).reshape(shape)?)?;
-                d.set_item("disputed", PyArray1::from_slice(py, &f.disputed).reshape(shape)?)?;
-            }
+            Some(f) => convert::set_layers(&d, f)?,
             None => d.set_item("data", py.None())?,
         }
         components.append(d)?;
@@ -111,19 +114,7 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
 
     let pairs = PyList::empty(py);
     for p in &m.pairs {
-        let d = PyDict::new(py);
-        d.set_item("a", p.a)?;
-        d.set_item("b", p.b)?;
-        d.set_item("candidates", p.candidates)?;
-        d.set_item("status", p.status.name())?;
-        d.set_item("probability", p.probability)?;
-        let decoy = p.found.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
-        d.set_item("decoy_log_likelihood", decoy)?;
-        d.set_item(
-            "modes",
-            p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?,
-        )?;
-        pairs.append(d)?;
+        pairs.append(pair(py, p)?)?;
     }
     out.set_item("pairs", pairs)?;
 
@@ -135,4 +126,18 @@ pub fn to_dict<'py>(py: Python<'py>, m: &Merge) -> PyResult<Bound<'py, PyDict>> 
     }
     out.set_item("seconds", seconds)?;
     Ok(out)
+}
+
+pub fn pair<'py>(py: Python<'py>, p: &PairModes) -> PyResult<Bound<'py, PyDict>> {
+    let d = PyDict::new(py);
+    d.set_item("a", p.a)?;
+    d.set_item("b", p.b)?;
+    d.set_item("candidates", p.candidates)?;
+    d.set_item("status", p.status.name())?;
+    d.set_item("probability", p.probability)?;
+    let decoy = p.found.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
+    d.set_item("decoy_log_likelihood", decoy)?;
+    let modes = p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?;
+    d.set_item("modes", modes)?;
+    Ok(d)
 }

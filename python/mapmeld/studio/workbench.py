@@ -312,7 +312,7 @@ class Workbench:
         with OutputFolder(self.output, force=self._force) as out:
             write_merged_maps(out.staged, desk.result)
             write_report(out.staged, desk.result, grids)
-            write_result(out.staged, desk.result)
+            write_result(out.staged, desk.result, out.folder)
             write_session(out.staged, Session.of(grids, self._given, desk.known))
             files = sorted(p.name for p in out.staged.iterdir())
             out.commit()

@@ -65,10 +65,28 @@ pub struct Step {
     pub advanced: usize,
     /// N_eff before resampling.
     pub effective_sample_size: f64,
+    /// The particles' weights before resampling; they sum to one.
+    pub weights: Vec<f64>,
     /// Whether particles were resampled.
     pub resampled: bool,
     /// Log of the estimated p(z_t | z_1..t-1).
     pub log_evidence: f64,
+}
+
+/// What a step has to tell to a listener, before it resamples.
+pub struct Told<'a, M: Model> {
+    /// Which step, from 1.
+    pub step: u64,
+    /// The particles before the step.
+    pub before: &'a [Particle<M::State>],
+    /// Of each group of particles in the same state, one of them.
+    pub leaders: &'a [usize],
+    /// The modes that each group was offered.
+    pub modes: &'a [Vec<M::Mode>],
+    /// Their masses.
+    pub masses: &'a [Vec<LogWeight>],
+    /// The particles after the step, their weights not yet normalised.
+    pub after: &'a [Particle<M::State>],
 }
 
 /// See the module's text.
@@ -100,6 +118,15 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
 
     /// One step: propose, weigh, draw and update, normalise, resample.
     pub fn step<M: Model<State = S>>(&mut self, model: &M) -> Step {
+        self.step_told(model, None::<&fn(&Told<M>, &Step)>)
+    }
+
+    /// A step that is told to a listener, if there is one.
+    pub fn step_told<M: Model<State = S>>(
+        &mut self,
+        model: &M,
+        listener: Option<&impl Fn(&Told<M>, &Step)>,
+    ) -> Step {
         let n = self.particles.len();
         self.step += 1;
 
@@ -139,7 +166,8 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
             (Particle { state, log_weight: p.log_weight * totals[g] }, 1)
         });
         let moved = advanced.iter().map(|(_, moved)| moved).sum();
-        self.particles = advanced.into_iter().map(|(p, _)| p).collect();
+        let after: Vec<Particle<S>> = advanced.into_iter().map(|(p, _)| p).collect();
+        let before = std::mem::replace(&mut self.particles, after);
 
         // Normalise; resample when few particles carry the weight.
         let weights: Vec<LogWeight> = self.particles.iter().map(|p| p.log_weight).collect();
@@ -147,19 +175,31 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         let normalised = normalise(&weights);
         let effective_sample_size = effective_sample_size(&normalised);
         let resampled = effective_sample_size < self.resample_below * n as f64;
+        let fared = Step {
+            advanced: moved,
+            effective_sample_size,
+            weights: normalised,
+            resampled,
+            log_evidence,
+        };
+        if let Some(tell) = listener {
+            let (leaders, modes, masses) = (&leaders, &modes, &masses);
+            let (before, after) = (&before, &self.particles);
+            tell(&Told { step, before, leaders, modes, masses, after }, &fared);
+        }
         if resampled {
             let start = stream(seed, step, u64::MAX).random();
             let log_weight = LogWeight(-(n as f64).ln());
-            self.particles = low_variance(&normalised, n, start)
+            self.particles = low_variance(&fared.weights, n, start)
                 .into_iter()
                 .map(|i| Particle { state: self.particles[i].state.clone(), log_weight })
                 .collect();
         } else {
-            for (p, w) in self.particles.iter_mut().zip(&normalised) {
+            for (p, w) in self.particles.iter_mut().zip(&fared.weights) {
                 p.log_weight = LogWeight(w.ln());
             }
         }
-        Step { advanced: moved, effective_sample_size, resampled, log_evidence }
+        fared
     }
 }
 

@@ -61,7 +61,7 @@ impl Motion {
 
 /// A map that patches are pulled by, at its place.
 struct Puller<'a> {
-    map: &'a LocalMap,
+    placed: Placed<'a>,
     t_world_axes: Se2,
     to_axes: Rigid,
     /// Turns (x, y, theta) from the grid's axes to the world's.
@@ -73,7 +73,13 @@ impl<'a> Puller<'a> {
         let t_world_axes = placed.t_world_map.compose(&placed.map.grid.origin());
         let (s, c) = t_world_axes.theta.sin_cos();
         let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
-        Self { map: placed.map, t_world_axes, to_axes: t_world_axes.inverse().to_rigid(), turn }
+        Self { placed: *placed, t_world_axes, to_axes: t_world_axes.inverse().to_rigid(), turn }
+    }
+
+    /// False when nothing within a circle, a point of the world and a radius in metres, can lie on the grid.
+    fn sees(&self, center: Vec2, radius: f64) -> bool {
+        let (at, (width, height)) = (self.to_axes.apply(center), self.placed.map.extent());
+        at.x >= -radius && at.y >= -radius && at.x <= width + radius && at.y <= height + radius
     }
 
     /// What the walls pull the probes of a patch towards, whose map's axes lie at `t_world_from`: information and
@@ -85,7 +91,7 @@ impl<'a> Puller<'a> {
         at: Vec2,
         scale: f64,
     ) -> (Matrix3<f64>, Vector3<f64>) {
-        let view = self.map.probe_view(&self.t_world_axes.between(t_world_from));
+        let view = self.placed.map.probe_view(&self.t_world_axes.between(t_world_from));
         let at = self.to_axes.apply(at);
         let at = (at.x as f32, at.y as f32);
         let scale = (scale * scale) as f32;
@@ -149,9 +155,11 @@ pub fn unbend<I: Iterator<Item = u32>>(
             let leash = 1.0 / (LEASH * LEASH);
             let mut h = Matrix3::from_diagonal(&Vector3::new(leash, leash, 0.0));
             let mut g = Vector3::new(here.shift.x * leash, here.shift.y * leash, 0.0);
-            for puller in &pullers {
+            let at = here.center + here.shift;
+            let near = pullers.iter().filter(|p| p.sees(at, patch.radius));
+            for puller in near {
                 let probes = samples(k).map(|i| from.probes[i as usize]);
-                let of_walls = puller.pull(probes, &pose, here.center + here.shift, scale);
+                let of_walls = puller.pull(probes, &pose, at, scale);
                 h += discount * of_walls.0;
                 g += discount * of_walls.1;
             }
@@ -213,12 +221,20 @@ pub fn of_patches(
         own.step_by(step).copied()
     };
     let unbent = unbend(from.map, &from.t_world_map, others, (samples, step), config);
+    let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let mut sum = WallEvidence::default();
     for (k, pose) in unbent.poses.iter().enumerate() {
-        let all = from.map.patches[k].samples.iter().filter(|s| asked[**s as usize]).count();
+        let patch = &from.map.patches[k];
+        let (at, radius) = (pose.apply(patch.center), patch.radius);
+        let near: Vec<Placed> =
+            pullers.iter().filter(|p| p.sees(at, radius)).map(|p| p.placed).collect();
+        if near.is_empty() {
+            continue;
+        }
+        let all = patch.samples.iter().filter(|s| asked[**s as usize]).count();
         let taken = all.div_ceil(step).max(1);
         let asked = samples(k).map(|i| &from.map.samples[i as usize]);
-        let said = likelihood::one_way(asked, from.map, pose, others, config);
+        let said = likelihood::one_way(asked, from.map, pose, &near, config);
         sum.add(&said, all as f64 / taken as f64);
     }
     sum.bending = unbent.cost;

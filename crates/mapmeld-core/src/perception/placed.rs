@@ -19,9 +19,25 @@ pub struct Placed<'a> {
 }
 
 impl Placed<'_> {
+    /// False when the grids are too far apart for any wall of one to lie on the other.
+    pub fn may_touch(&self, other: &Placed) -> bool {
+        let circle = |p: &Placed| {
+            let (grid, (w, h)) = (&p.map.grid, p.map.extent());
+            let (middle_col, middle_row) = (0.5 * grid.width() as f64, 0.5 * grid.height() as f64);
+            (p.t_world_map.apply(grid.grid_to_map(middle_col, middle_row)), 0.5 * w.hypot(h))
+        };
+        let ((here, reach), (there, other_reach)) = (circle(self), circle(other));
+        (here - there).norm() <= reach + other_reach
+    }
+
     /// What this map's samples say of the other maps.
     fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
         let t = &self.t_world_map;
+        let others: Vec<Placed> = others.iter().filter(|o| self.may_touch(o)).copied().collect();
+        let others = others.as_slice();
+        if others.is_empty() {
+            return WallEvidence::default();
+        }
         let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
         let step = count.div_ceil(config.max_samples).max(1);
         let mut sum = bend::of_patches(self, others, step, config);

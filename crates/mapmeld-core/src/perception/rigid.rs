@@ -87,8 +87,9 @@ mod tests {
             let mut cells = vec![UNKNOWN; w * h];
             for row in 10..60 {
                 for col in 10..80 {
-                    let is_wall =
-                        row < 12 || row > 57 || col < 12 || col > 77 || (col == 40 && row > 30);
+                    let is_wall = !(12..58).contains(&row)
+                        || !(12..78).contains(&col)
+                        || (col == 40 && row > 30);
                     let is_clutter = rng.random_range(0..200) == 0;
                     cells[row * w + col] = if is_wall || is_clutter { 100 } else { 0 };
                 }

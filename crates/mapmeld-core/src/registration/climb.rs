@@ -161,10 +161,11 @@ pub fn climb_group(
         for p in a {
             let to_world = Axes::new(&p.t_world_map.compose(&p.map.grid.origin()));
             for q in b {
-                let t_p_q = p.t_world_map.between(&t.compose(&q.t_world_map));
-                if !may_touch(p.map, q.map, &t_p_q) {
+                let moved = Placed { t_world_map: t.compose(&q.t_world_map), ..*q };
+                if !p.may_touch(&moved) {
                     continue;
                 }
+                let t_p_q = p.t_world_map.between(&moved.t_world_map);
                 // Every second sample: groups have plenty.
                 matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), (2, 2), |m| {
                     let ((x, y), (nx, ny)) =
@@ -174,17 +175,6 @@ pub fn climb_group(
             }
         }
     })
-}
-
-/// False when the grids are too far apart for any wall of one to lie on the other.
-fn may_touch(a: &LocalMap, b: &LocalMap, t_a_b: &Se2) -> bool {
-    let disc = |m: &LocalMap| {
-        let (w, h) = m.extent();
-        let middle = m.grid.grid_to_map(0.5 * m.grid.width() as f64, 0.5 * m.grid.height() as f64);
-        (middle, 0.5 * w.hypot(h))
-    };
-    let ((ma, ra), (mb, rb)) = (disc(a), disc(b));
-    (ma - t_a_b.apply(mb)).norm() <= ra + rb
 }
 
 /// Gauss-Newton under a kernel that narrows from `wide`, turning about `center`, a point of the moving frame;

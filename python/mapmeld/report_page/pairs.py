@@ -1,0 +1,89 @@
+"""What is said of two maps: the verdict in words, with the numbers that it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mapmeld.frames import is_one_place
+from mapmeld.reasons import Lack, lack_of
+from mapmeld.report_page.story import Story
+
+
+@dataclass(frozen=True)
+class PairRow:
+    """A row of the table of pairs.
+
+    shared: metres of wall. second: share of the hits that holds the weaker direction, conflicts: share of the
+    walls amid free space of the other; 0..1. over_runner_up, over_decoy: by how much the best mode is
+    likelier, nats. None where there is no such number."""
+
+    a: str
+    b: str
+    status: str
+    probability: float
+    why: str
+    candidates: int
+    modes: int
+    shared: float | None
+    second: float | None
+    conflicts: float | None
+    over_runner_up: float | None
+    over_decoy: float | None
+
+
+def pair_rows(story: Story) -> list[PairRow]:
+    """All pairs, the most probable first."""
+    found = story.found["pairs"]
+    found = sorted(found, key=lambda p: (-p["probability"], -(p["log_likelihood"] or 0.0), p["a"], p["b"]))
+    return [_row(p, story) for p in found]
+
+
+def lack(pair: Mapping[str, Any], story: Story) -> Lack:
+    """What speaks most against the best mode of a pair that has one."""
+    rival = pair["decoy_log_likelihood"] or 0.0
+    second = pair["runner_up"]
+    if second is not None and not is_one_place(second["T_a_b"], pair["T_a_b"], story.centres[pair["b"]]):
+        rival = max(rival, second["log_likelihood"] or 0.0)
+    keys = ("shared_length", "hits", "conflicts", "second_direction", "log_likelihood")
+    length, hits, conflicts, direction, likelihood = (pair[key] or 0.0 for key in keys)
+    return lack_of(length, hits, conflicts, direction, likelihood, rival)
+
+
+def _row(pair: Mapping[str, Any], story: Story) -> PairRow:
+    has_mode = pair["T_a_b"] is not None
+    likelihood, decoy, second = pair["log_likelihood"], pair["decoy_log_likelihood"], pair["runner_up"]
+    rival = None if second is None else second["log_likelihood"]
+    wall = (pair["hits"] or 0.0) + (pair["conflicts"] or 0.0)
+    return PairRow(
+        pair["a"],
+        pair["b"],
+        pair["status"],
+        pair["probability"],
+        _why(pair, story) if has_mode else "no motion puts walls on walls",
+        pair["candidates"],
+        pair["modes"],
+        pair["shared_length"],
+        (pair["second_direction"] or 0.0) / pair["hits"] if pair["hits"] else None,
+        pair["conflicts"] / wall if wall else None,
+        None if likelihood is None or rival is None else likelihood - rival,
+        None if likelihood is None or decoy is None else likelihood - decoy,
+    )
+
+
+def _why(pair: Mapping[str, Any], story: Story) -> str:
+    if pair["status"] == "ambiguous":
+        return "they belong together, in more than one way"
+    if pair["status"] == "merged":
+        return "walls agree, and nothing else fits as well"
+    match lack(pair, story):
+        case Lack.WALL:
+            return "too little wall in common"
+        case Lack.CONFLICTS:
+            return "walls of one amid free space of the other"
+        case Lack.DIRECTION:
+            return "walls in common run nearly all in one direction"
+        case Lack.RIVAL:
+            return "its mirror image or another place fits nearly as well"
+    return "less probable than asked for"

@@ -87,7 +87,8 @@ def studio(
         if saved is not None and session is not None:
             saved.check(inputs.grids, session)
         known = cli_known.gather_known(saved, None, None, None, None)
-        bench = Workbench(inputs.grids, options, known, output, force=force)
+        files = {g.name: f for g, f in zip(inputs.grids, inputs.files, strict=True)}
+        bench = Workbench(inputs.grids, options, known, output, force=force, files=files)
     except BaseException:
         place.close()
         raise

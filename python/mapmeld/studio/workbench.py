@@ -21,6 +21,7 @@ from mapmeld.estimate import Prior, checked_pose
 from mapmeld.grid import OccupancyGrid
 from mapmeld.known import Known, Point, SamePoints, told
 from mapmeld.known_cells import known_centre
+from mapmeld.map_file import MapFile
 from mapmeld.map_yaml import one_line
 from mapmeld.merging import result_of
 from mapmeld.output import OutputFolder, write_merged_maps, write_report, write_result, write_session
@@ -48,7 +49,8 @@ class Workbench:
 
     Every method may be called from any thread; what changes the bench while a solve runs raises Busy.
 
-    changed: called, from whatever thread, when there is something new to look at.
+    changed: called, from whatever thread, when there is something new to look at. files: where the maps are
+        from, by their names.
     """
 
     def __init__(
@@ -59,12 +61,14 @@ class Workbench:
         output: Path,
         *,
         force: bool = False,
+        files: Mapping[str, MapFile] | None = None,
     ) -> None:
         self.grids = {g.name: g for g in grids}
         self.boxes = {n: layout.known_box(g) for n, g in self.grids.items()}
         self.output = output
         self.changed: Callable[[], object] = lambda: None
         self._force = force
+        self._files = files or {}
         self._given = dict(config)
         self._config = effective_config(config)
         known.check_names(list(self.grids))
@@ -339,7 +343,9 @@ class Workbench:
         found = self._session.merge([], known.core_priors(), progress, known.relations(), known.forbidden)
         seconds = {**found["seconds"], "merge": time.perf_counter() - started}
         centres = {n: known_centre(g) for n, g in self.grids.items()}
-        return told(result_of(found, self._session.names(), self._config, seconds, centres), known)
+        result = told(result_of(found, self._session.names(), self._config, seconds, centres), known)
+        maps = (dataclasses.replace(m, file=self._files.get(m.name)) for m in result.maps)
+        return dataclasses.replace(result, maps=tuple(maps))
 
     def _end(self, desk: Desk | None, problem: str | None) -> None:
         with self._lock:

@@ -51,7 +51,7 @@ def other_value(path: tuple[str, ...], default: Any) -> Any:
     if isinstance(default, float):
         return round(default * 0.875, 3)
     assert default is None, f"add an example of another value for {dotted} to OTHER"
-    return 2 if dotted == "threads" else 0.25
+    return 2 if dotted in {"threads", "registration.partners"} else 0.25
 
 
 def nested(path: tuple[str, ...], value: Any) -> dict[str, Any]:

@@ -7,13 +7,13 @@ use mapmeld_core::result::Known;
 use mapmeld_core::{partners, LocalMap, OccupancyGrid, Se2};
 use rand::{Rng, SeedableRng};
 
-/// A window of one long building of rooms of random widths, in a frame of its own.
+/// A window of 12 m of one long building of rooms of random widths, in a frame of its own.
 fn window(k: usize, walls: &[f64], from: f64, turn: f64) -> LocalMap {
     let t_map_world = Se2::new(0.3 * k as f64, -0.2, turn);
     let t_world_map = t_map_world.inverse();
     let (side, r) = (160, 0.1);
     let origin = Se2::new(-0.5 * side as f64 * r, -0.5 * side as f64 * r, 0.0);
-    let middle = t_map_world.apply([from + 4.0, 3.0].into());
+    let middle = t_map_world.apply([from + 6.0, 3.0].into());
     let cells = (0..side * side).map(|i| {
         let at = [
             (i % side) as f64 * r + origin.x + middle.x,
@@ -21,7 +21,7 @@ fn window(k: usize, walls: &[f64], from: f64, turn: f64) -> LocalMap {
         ];
         let p = t_world_map.apply(at.into());
         let is_near = |a: f64, b: f64| (a - b).abs() < 0.1;
-        if p.x < from || p.x > from + 8.0 || p.y < -0.1 || p.y > 6.1 {
+        if p.x < from || p.x > from + 12.0 || p.y < -0.1 || p.y > 6.1 {
             -1
         } else if is_near(p.y, 0.0)
             || is_near(p.y, 6.0)

@@ -28,7 +28,8 @@ fn told(grids: &[OccupancyGrid], config: &Config) -> (Merge, Vec<Event>) {
     let listener = |e: Event| heard.lock().unwrap().push(e);
     let known = Known::default();
     let found =
-        merge_told(grids.to_vec(), &known, config, &|_, _, _| true, Some(&listener)).unwrap();
+        merge_told(grids.to_vec(), &known, config, None, (&|_, _, _| true, Some(&listener)))
+            .unwrap();
     (found, heard.into_inner().unwrap())
 }
 

@@ -4,34 +4,29 @@
 //! map, the local map is its sensor reading z_t, and its odometry u_t comes from registering similar
 //! structures. The state is the trajectory, which holds the merge order, and the merged map.
 
+mod look;
+mod motion;
+
 use crate::config::{Config, PerceptionModel};
 use crate::filter::{LogWeight, Model, Stream};
-use crate::forbidden::{self, Member};
 use crate::local_map::LocalMap;
 use crate::memory::{Memory, Motion};
 use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::perception::overlay::Layer;
-use crate::perception::placed::{self, Placed};
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
-use crate::prior::{self, Fit, Prior};
-use crate::registration::pair::log_search_volume;
-use crate::registration::{climb, SAME_WORLD};
-use crate::relation::Relation;
+use crate::prior::{self, Prior};
+use crate::registration::SAME_WORLD;
 use crate::result::Known;
 use crate::se2::Se2;
 use crate::verdict::{self, Background};
-use crate::vicinity::Circle;
 use nalgebra::{Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::HashMap;
-use std::sync::Arc;
 
 /// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
 const NOISE: (f64, f64) = (0.2, 0.04);
-/// From more maps than this on, particles share what they weigh.
-const MANY: usize = 40;
 
 /// A possible next pose of the virtual robot.
 #[derive(Debug, Clone)]
@@ -112,83 +107,9 @@ impl VirtualRobot<'_> {
         self.known.priors.get(map).and_then(Option::as_ref)
     }
 
-    /// How what is known of a map takes its poses in the frame of some placed maps; none where nothing is. Of
-    /// several that tell of it the strongest counts, since they may tell the same; none may be contradicted.
-    fn prior_fit<'s>(
-        &'s self,
-        placed: &[(usize, Se2)],
-        map: usize,
-    ) -> Option<impl Fn(&Se2, &Matrix3<f64>) -> Option<Fit> + 's> {
-        let known = placed.iter().filter_map(|(m, t)| Some((*t, self.prior(*m)?)));
-        let of_prior = self
-            .prior(map)
-            .and_then(|prior| Some((prior, Prior::of_frame(&known.collect::<Vec<_>>())?)));
-        let relations = &self.known.relations;
-        let to_map = |(m, t): &(usize, Se2)| {
-            let (m, t) = (*m, *t);
-            relations.iter().filter_map(move |r| Some((t, r.between(m, map)?)))
-        };
-        let of_relations: Vec<(Se2, Relation)> = placed.iter().flat_map(to_map).collect();
-        if of_prior.is_none() && of_relations.is_empty() {
-            return None;
-        }
-        let volume = |(m, _): &(usize, Se2)| log_search_volume(&self.maps[*m], &self.maps[map]);
-        let volume = placed.iter().map(volume).fold(0.0, f64::max);
-        Some(move |t: &Se2, covariance: &Matrix3<f64>| {
-            let mut best = Fit { log_odds: f64::NEG_INFINITY, pose: *t };
-            if let Some((prior, frame)) = &of_prior {
-                best = prior.fit(frame, t, covariance, volume)?;
-            }
-            for (x_i, relation) in &of_relations {
-                let own = x_i.inverse().transport_covariance(covariance);
-                let fit = relation.fit(&x_i.between(&best.pose), &own, volume)?;
-                let log_odds = fit.log_odds.max(best.log_odds);
-                best = Fit { log_odds, pose: x_i.compose(&fit.pose) };
-            }
-            Some(best)
-        })
-    }
-
     fn fold(&self, merged: &Overlay, map: usize, t_world_map: Se2, probability: f64) -> Overlay {
         let cells = self.config.perception.model == PerceptionModel::PsiGamma;
         merged.with(self.maps, map, t_world_map, probability, cells)
-    }
-
-    /// Motion model (paper, section 3): where the placed maps say that `map` lies. Modes of several
-    /// placed maps that agree are one, and support each other.
-    fn motions(&self, placed: &[(usize, Se2)], map: usize) -> Vec<Motion> {
-        let center = self.maps[map].center.unwrap_or_default();
-        let mut found: Vec<Motion> = Vec::new();
-        for (i, x_i) in placed {
-            for (t, covariance, log_likelihood) in self.pairs.modes(*i, map) {
-                found.push((
-                    log_likelihood,
-                    x_i.compose(&t),
-                    x_i.transport_covariance(&covariance),
-                ));
-            }
-        }
-        if let Some(fit) = self.prior_fit(placed, map) {
-            let near = |(support, x, covariance): Motion| {
-                fit(&x, &covariance).map(|f| (support + f.log_odds, f.pose, covariance))
-            };
-            found = found.into_iter().filter_map(near).collect();
-        } else {
-            // What no pair speaks for no group of placed maps speaks for either.
-            found.retain(|(support, ..)| *support > 0.0);
-        }
-        found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut kept: Vec<Motion> = Vec::new();
-        for (support, x, covariance) in found {
-            let same = |k: &&mut Motion| k.1.is_close_at(&x, center, SAME_WORLD.0, SAME_WORLD.1);
-            match kept.iter_mut().find(same) {
-                Some(k) => k.0 += support.max(0.0),
-                None => kept.push((support, x, covariance)),
-            }
-        }
-        kept.sort_by(|a, b| b.0.total_cmp(&a.0));
-        kept.truncate(self.config.filter.candidates_per_map);
-        kept
     }
 
     /// What is placed in a merged map.
@@ -205,95 +126,6 @@ impl VirtualRobot<'_> {
         match &self.parts {
             Some(parts) => parts.overlays[map].layers().map(|l| &parts.maps[l.map]).collect(),
             None => vec![&self.maps[map]],
-        }
-    }
-
-    /// The motions of every open map that has any.
-    fn all_motions(&self, here: &Here) -> Vec<(usize, Arc<Vec<Motion>>)> {
-        let open = (0..self.maps.len()).filter(|m| self.open[*m] && !here.is_placed[*m]);
-        let found = if self.known.priors.is_empty() && self.known.relations.is_empty() {
-            // What a map's partners say, and nothing else, tells where it lies.
-            let mut partners: Vec<Vec<(usize, Se2)>> = vec![Vec::new(); self.maps.len()];
-            for (i, x_i) in &here.placed {
-                self.pairs.partners(*i).for_each(|m| partners[m].push((*i, *x_i)));
-            }
-            let known = |m: usize| {
-                let placed = partners[m].as_slice();
-                (m, self.memory.motions(m, placed, || self.motions(placed, m)))
-            };
-            open.filter(|m| !partners[*m].is_empty()).map(known).collect::<Vec<_>>()
-        } else {
-            open.map(|m| (m, Arc::new(self.motions(&here.placed, m)))).collect()
-        };
-        found.into_iter().filter(|(_, motions)| !motions.is_empty()).collect()
-    }
-
-    /// What the walls say of a map against the merged map. The walls of merged maps are those of the
-    /// maps they are merged of, which no raster has blurred: the pose is led to their maximum first.
-    fn look(&self, merged: &Overlay, map: usize, x: Se2) -> (Se2, WallEvidence) {
-        // Layers far away have nothing to say.
-        let circle = Circle::around(&self.maps[map].grid, &x);
-        let near: Vec<&Layer> = merged.near(&circle).collect();
-        if self.is_large() && self.parts.is_none() {
-            let center = self.maps[map].center.unwrap_or_default();
-            let is_close = |a: &Se2, b: &Se2| a.is_close_at(b, center, NOISE.0, NOISE.1);
-            let placed: Vec<(usize, Se2)> = near.iter().map(|l| (l.map, l.t_world_map)).collect();
-            let look = || self.look_at(&near, map, x).1;
-            return (x, self.memory.similar((map, &x), &placed, is_close, look));
-        }
-        let at = near.iter().map(|l| std::ptr::from_ref(*l) as usize).collect();
-        self.memory.look((map, &x), (merged, at), || self.look_at(&near, map, x))
-    }
-
-    /// Whether there are so many maps that particles cannot each weigh all of them anew.
-    fn is_large(&self) -> bool {
-        self.maps.len() > MANY
-    }
-
-    fn look_at(&self, near: &[&Layer], map: usize, x: Se2) -> (Se2, WallEvidence) {
-        let p = &self.config.perception;
-        let Some(parts) = &self.parts else {
-            let is_evidence = |l: &&&Layer| !self.known.is_forbidden(l.map, map);
-            let placed: Vec<Placed> =
-                near.iter().filter(is_evidence).map(|l| l.placed(self.maps)).collect();
-            let local = Placed { map: &self.maps[map], t_world_map: x, samples: None };
-            return (x, placed::between(&placed, &[local], p));
-        };
-        let of = |map: usize, x: &Se2| forbidden::members(&parts.overlays[map], parts.maps, x);
-        let circle = |p: &Placed| Circle::around(&p.map.grid, &p.t_world_map);
-        let circles: Vec<Circle> = of(map, &x).iter().map(|(_, o)| circle(o)).collect();
-        let is_near = |o: &Member| {
-            let there = circle(&o.1);
-            circles.iter().any(|own| own.is_near(&there))
-        };
-        let placed = near.iter().flat_map(|l| of(l.map, &l.t_world_map)).filter(is_near).collect();
-        let (placed, own) = forbidden::evidence(placed, of(map, &Se2::IDENTITY), parts.known);
-        let most = self.config.registration.max_iterations;
-        let x = climb::climb_group(&placed, &own, &x, most, p).unwrap_or(x);
-        let moved = own.iter().map(|m| Placed { t_world_map: x.compose(&m.t_world_map), ..*m });
-        let moved: Vec<Placed> = moved.collect();
-        (x, placed::between(&placed, &moved, p))
-    }
-
-    /// Whether a pose puts two maps where their walls match best although that match is wrong.
-    fn is_refused(&self, merged: &Overlay, map: usize, x: &Se2) -> bool {
-        let placed = || merged.layers().map(|l| (l.map, l.t_world_map));
-        match &self.parts {
-            None if self.known.forbidden.is_empty() => false,
-            Some(parts) if parts.known.forbidden.is_empty() => false,
-            None => {
-                let below: Vec<_> = placed().collect();
-                forbidden::is_refused(&below, &[(map, *x)], self.pairs, self.maps)
-            }
-            Some(parts) => {
-                let of = |(map, x): (usize, Se2)| {
-                    let layers = parts.overlays[map].layers();
-                    layers.map(move |l| (l.map, x.compose(&l.t_world_map)))
-                };
-                let (below, own): (Vec<_>, Vec<_>) =
-                    (placed().flat_map(of).collect(), of((map, *x)).collect());
-                forbidden::is_refused(&below, &own, parts.pairs, parts.maps)
-            }
         }
     }
 

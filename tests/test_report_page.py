@@ -337,3 +337,26 @@ def test_figures(story: Story) -> None:
             assert len(np.unique(image.reshape(-1, 3), axis=0)) > 5, name
         else:
             assert content.rstrip().endswith(b"</svg>")
+
+
+def test_what_was_known_is_told(grids: list[OccupancyGrid]) -> None:
+    a, b, c = (g.name for g in grids[:3])
+    known = mapmeld.Known(pins={a: (1.0, 2.0, 0.0)}, forbidden=((b, c),))
+    result = mapmeld.merge(grids, seed=1, known=known)
+    story = story_of(result, grids)
+    text = " ".join(Page(page(story)).text)
+    assert f"{a} is pinned at" in text
+    assert f"{b} and {c} are forbidden to match" in text
+    assert "pinned: placed where it was told to be" in text
+    row = next(r for r in pair_rows(story) if r.status == "forbidden")
+    assert {row.a, row.b} == {b, c}
+    assert row.why == "it was told that these do not match"
+
+
+def test_advice_names_the_forbidden_pair_that_holds_a_map_apart(story: Story) -> None:
+    found = copy.deepcopy(story.found)
+    pair = next(p for p in found["pairs"] if p["status"] == "merged")
+    pair["status"] = "forbidden"
+    placed = next(m for m in found["maps"] if m["name"] == pair["a"])
+    text = advice(placed, Story(found, story.grids, story.layers))
+    assert text.startswith(f"It was told not to match {pair['b']}")

@@ -36,6 +36,13 @@ def advice(placed: Mapping[str, Any], story: Story) -> str:
             "Drive it on to where its places would look different, or give a further map that overlaps both. "
             "Where it is known from where it started, say so (a prior or a pin) instead."
         )
+    forbidden = [p for p in story.found["pairs"] if name in (p["a"], p["b"]) and p["status"] == "forbidden"]
+    if forbidden:
+        others = ", ".join(_other(p, name) for p in forbidden)
+        return (
+            f"It was told not to match {others}, and nothing puts it where their walls match best, not by "
+            "way of other maps either. Merge without that to see where it would lie."
+        )
     own = [p for p in story.found["pairs"] if name in (p["a"], p["b"]) and p["T_a_b"] is not None]
     if not own:
         return _ELSEWHERE

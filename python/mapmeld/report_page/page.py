@@ -13,6 +13,7 @@ import jinja2
 import yaml
 from markupsafe import Markup
 
+from mapmeld.known import Known
 from mapmeld.report_page import charts, raster
 from mapmeld.report_page.advice import advice
 from mapmeld.report_page.hypotheses import hypothesis_pictures
@@ -32,6 +33,7 @@ _WORDS = {
     "no evidence": "no evidence: shares too little with any other map; kept apart",
     "blank": "blank: nothing is known in it",
     "prior": "prior: placed by what was told, not by its walls",
+    "pinned": "pinned: placed where it was told to be",
 }
 
 
@@ -72,6 +74,7 @@ def page(story: Story) -> str:
     return environment.get_template("template.html").render(
         title=_title(story),
         found=found,
+        known=Known.from_dict(found["known"], "known").lines() if found.get("known") else [],
         views=views(story),
         maps=maps,
         left_out=[m for m in maps if m.help],

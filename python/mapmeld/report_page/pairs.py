@@ -73,6 +73,8 @@ def _row(pair: Mapping[str, Any], story: Story) -> PairRow:
 
 
 def _why(pair: Mapping[str, Any], story: Story) -> str:
+    if pair["status"] == "forbidden":
+        return "it was told that these do not match"
     if pair["status"] == "ambiguous":
         return "they belong together, in more than one way"
     if pair["status"] == "merged":

@@ -45,7 +45,7 @@ def test_a_first_look_solves_and_tells_what_is_apart(bench: tuple[Any, str]) -> 
     assert "Not placed: hall" in page.text("#verdict")
     page.select("hall")
     assert "no evidence" in page.text("#selected .reason")
-    assert page.locator("#pairs tbody tr").count() == 3
+    page.until("document.querySelectorAll('#pairs tbody tr').length === 3")
     # Something is drawn: walls in the colours of the maps.
     script = """() => {
         const c = app.scene.canvas, d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
@@ -309,14 +309,14 @@ def test_a_closed_tab_during_a_solve_loses_nothing(bench: tuple[Any, str]) -> No
 
 
 def test_a_solve_can_be_cancelled(shared_data: Path, tmp_path: Path) -> None:
-    maps = sorted((shared_data / "intel_k10_drift").glob("*.yaml"))
+    # The case whose solve takes longest.
+    maps = sorted((shared_data / "halmstad_E5_half").glob("*.yaml"))
     with studio(maps, tmp_path / "out") as url, browser() as context:
         page = Page(context, url)
         page.until("app.state.solving && app.state.solving.total > 0")
-        assert page.locator("#cancel").is_visible()
         page.click("#cancel")
+        page.until("document.querySelector('#message').textContent.includes('cancelled')", 30)
         page.until("!app.state.solving", 30)
-        assert "cancelled" in page.text("#message")
         assert not page.evaluate("app.state.is_solved")
 
 
@@ -324,7 +324,7 @@ def test_a_wrong_token_is_told(bench: tuple[Any, str]) -> None:
     context, url = bench
     page = context.new_page()
     root, token = url.rstrip("/").rsplit("/", 1)
-    for wrong in (f"{root}/{token[:-1]}x/", f"{root}/", f"{root}/x/state"):
+    for wrong in (f"{root}/{token[::-1]}/", f"{root}/", f"{root}/x/state"):
         reply = page.goto(wrong)
         assert reply.status == 403
         assert "right token" in page.inner_text("body")

@@ -139,3 +139,12 @@ def test_what_is_left_out_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     p = calibrate.left_out(rows)
     right = np.array([r["right"] for r in rows])
     assert ((p > 0.5) != right).mean() > 0.9
+
+
+def test_speed(shared_data: Path) -> None:
+    text = run("speed.py", "--every", "70", "--only", "prepare", "pairs", shared=shared_data.parent)
+    _, prepare, pairs = tables(text)
+    assert float(prepare[0]["median ms for 500 x 500 cells"]) > 0.0
+    assert pairs[-1]["pairs"] == "all"
+    assert float(pairs[-1]["median ms"]) > 0.0
+    assert int(pairs[-1]["n"]) == sum(int(row["n"]) for row in pairs[:-1])

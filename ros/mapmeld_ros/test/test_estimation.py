@@ -79,30 +79,35 @@ def test_nothing_new_is_no_estimate() -> None:
         assert len(heard.estimates) == 1
 
 
-def test_an_overtaken_estimate_is_given_up_and_one_with_everything_follows() -> None:
-    """Real maps that keep the merge busy, and a robot that joins in the middle of it."""
+BUSY = 24
+"""Maps whose merge takes a second at least."""
+
+
+def busy_estimator() -> Estimator:
     rng = np.random.default_rng(3)
     estimator = Estimator()
-    for name in "abc":
+    for k in range(BUSY):
         data = np.where(rng.random((400, 400)) < 0.02, 100, 0)
-        estimator.update(OccupancyGrid(data, 0.05, name=name))
+        estimator.update(OccupancyGrid(data, 0.05, name=f"map{k}"))
+    return estimator
+
+
+def test_an_overtaken_estimate_is_given_up_and_one_with_everything_follows() -> None:
+    """A robot joins in the middle of a merge."""
+    estimator = busy_estimator()
     with working(estimator, timeout=0.02) as (worker, heard):
         worker.request()
         time.sleep(0.1)
-        estimator.update(rooms.hall("d"))
+        estimator.update(rooms.hall())
         worker.request()
-        heard.wait(lambda: any(len(e.robots) == 4 for e in heard.estimates), seconds=120.0)
+        heard.wait(lambda: any(len(e.robots) == BUSY + 1 for e in heard.estimates), seconds=120.0)
         assert worker.superseded >= 1
-        assert [len(e.robots) for e in heard.estimates] == [4]
+        assert [len(e.robots) for e in heard.estimates] == [BUSY + 1]
         assert heard.errors == []
 
 
 def test_stopping_ends_an_estimate_under_way() -> None:
-    rng = np.random.default_rng(3)
-    estimator = Estimator()
-    for name in "abcdef":
-        data = np.where(rng.random((400, 400)) < 0.02, 100, 0)
-        estimator.update(OccupancyGrid(data, 0.05, name=name))
+    estimator = busy_estimator()
     with working(estimator) as (worker, heard):
         worker.request()
         time.sleep(0.1)

@@ -16,9 +16,9 @@ from mapmeld import OccupancyGrid
 def test_a_link_that_is_not_clear_is_told_once_the_maps_are_still(graph: Graph) -> None:
     """Enough for a merge of finished maps, too little while maps may grow."""
     fleet = graph.fleet()
-    graph.node(quiet_time=3.0)
+    graph.node(quiet_time=6.0)
     left = rooms.view("left", (-0.5, 9.0), rooms.TRUTH["left"])
-    right = rooms.view("right", (5.5, 15.0), rooms.TRUTH["right"])
+    right = rooms.view("right", (5.8, 15.0), rooms.TRUTH["right"])
     graph.publish(fleet, left)
     graph.publish(fleet, right)
     estimate = graph.wait_status(left="ambiguous", right="ambiguous")
@@ -26,7 +26,7 @@ def test_a_link_that_is_not_clear_is_told_once_the_maps_are_still(graph: Graph) 
 
     # Maps that change all the time are not still, whether they show more or not.
     count = len(graph.estimates)
-    for k in range(12):
+    for k in range(20):
         data = np.array(left.data)
         data[0, 0] = -1 if k % 2 else 0
         graph.publish(fleet, OccupancyGrid(data, left.resolution, left.origin, "left"))
@@ -44,7 +44,7 @@ def test_a_link_that_is_not_clear_is_told_once_the_maps_are_still(graph: Graph) 
     assert radians < 0.02
 
     # What was told is held when they grow again.
-    graph.publish(fleet, rooms.view("right", (5.3, 15.0), rooms.TRUTH["right"]))
+    graph.publish(fleet, rooms.view("right", (5.6, 15.0), rooms.TRUTH["right"]))
     count = len(graph.estimates)
     graph.wait("another estimate", lambda: len(graph.estimates) > count)
     assert {r.status for r in graph.estimates[-1].robots} == {"merged"}
@@ -99,22 +99,22 @@ def stamp(graph: Graph) -> int:
 
 
 def test_an_estimate_that_newer_maps_overtake_gives_way(graph: Graph) -> None:
-    """A dozen maps of nothing but clutter take seconds. The robot that is blank when their estimate begins is
+    """Thirty maps of nothing but clutter take seconds. The robot that is blank when their estimate begins is
     never told so: it has a map before that ends."""
     rng = np.random.default_rng(3)
     fleet = graph.fleet()
     graph.node(estimation_timeout=0.1)
     graph.publish(fleet, rooms.blank("last"))
-    for k in range(12):
+    for k in range(30):
         data = np.where(rng.random((400, 400)) < 0.02, 100, 0)
         graph.publish(fleet, OccupancyGrid(data, 0.05, name=f"robot{k:02}"))
-    graph.wait("all to have joined", lambda: graph.estimates and len(graph.estimates[-1].robots) == 13)
+    graph.wait("all to have joined", lambda: graph.estimates and len(graph.estimates[-1].robots) == 31)
     graph.spin(1.0)
     before = [r.status for e in graph.estimates for r in e.robots if r.robot == "last"]
     graph.publish(fleet, rooms.hall("last"))
-    graph.wait_status(last="no evidence", robot11="no evidence")
+    graph.wait_status(last="no evidence", robot29="no evidence")
     full = [
-        e for e in graph.estimates if all(r.status != "waiting" for r in e.robots) and len(e.robots) == 13
+        e for e in graph.estimates if all(r.status != "waiting" for r in e.robots) and len(e.robots) == 31
     ]
     statuses = [r.status for e in full for r in e.robots if r.robot == "last"]
     assert set(before) <= {"waiting", "blank"}

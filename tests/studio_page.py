@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import shutil
@@ -95,6 +96,11 @@ class Page:
 
     def until_solved(self) -> None:
         self.until("app.state.is_current && !app.state.solving")
+
+    def until_says(self, selector: str, text: str) -> None:
+        """Waits for a text: the page tells some time after it knows."""
+        script = f"document.querySelector({json.dumps(selector)}).innerText.includes({json.dumps(text)})"
+        self.until(script, 20.0)
 
     def text(self, selector: str) -> str:
         return str(self.tab.inner_text(selector))

@@ -13,6 +13,7 @@ from PIL import Image
 import mapmeld
 from mapmeld.grid import OccupancyGrid
 from mapmeld.palette import map_colour
+from mapmeld.picture_axes import Axes, ticks
 from mapmeld.report import draw_report
 from mapmeld.report_raster import Layer, paint
 from rooms import blank, building, hall, view
@@ -125,3 +126,23 @@ def test_drawing_is_not_the_slow_part(tmp_path: Path) -> None:
         draw_report(tmp_path / "report.png", result, grids)
         spent.append(time.process_time() - started)
     assert spent[1] < 5 * spent[0]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "most", "expected"),
+    [
+        (0.0, 10.0, 4, ["0", "5", "10"]),
+        (-0.35, 0.42, 8, ["−0.3", "−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3", "0.4"]),
+        (512.0, 518.0, 8, ["512", "513", "514", "515", "516", "517", "518"]),
+        (3.0, 3000.0, 4, ["1000", "2000", "3000"]),
+    ],
+)
+def test_ticks_are_round_and_few(low: float, high: float, most: int, expected: list[str]) -> None:
+    assert [text for _, text in ticks(low, high, most)] == expected
+
+
+def test_axes_take_metres_to_the_rows_of_a_picture() -> None:
+    axes = Axes.within((-2.0, 8.0, 1.0, 6.0), (100.0, 50.0, 600.0, 450.0))
+    assert axes.box == pytest.approx((100.0, 50.0, 600.0, 300.0))
+    assert axes.at(-2.0, 1.0) == pytest.approx((100.0, 300.0))
+    assert axes.at(3.0, 6.0) == pytest.approx((350.0, 50.0))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -200,8 +199,6 @@ def merge(
     with contextlib.ExitStack() as stack:
         saved = [path for path in maps if not is_bag(path)]
         out = None if output is None else stack.enter_context(OutputFolder(output, force=force, inputs=saved))
-        if out is not None:
-            threading.Thread(target=_load_matplotlib, daemon=True).start()
         with _progress(quiet) as progress:
             inputs = read_inputs(maps, named, moment, progress)
             grids = inputs.grids
@@ -252,13 +249,6 @@ def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:
     """The result, with where its maps were read from."""
     placed = zip(result.maps, inputs.files, strict=True)
     return dataclasses.replace(result, maps=tuple(dataclasses.replace(m, file=file) for m, file in placed))
-
-
-def _load_matplotlib() -> None:
-    """Loads what the report needs, which takes half a second, while the core needs no interpreter."""
-    with contextlib.suppress(Exception):
-        import matplotlib.backends.backend_agg
-        import matplotlib.figure  # noqa: F401
 
 
 def _flag(name: str, value: object, *path: str) -> list[tuple[str, dict[str, Any]]]:

@@ -13,12 +13,13 @@ import numpy as np
 
 from mapmeld.grid import OccupancyGrid
 from mapmeld.palette import map_colour
+from mapmeld.picture import Box, Picture, text_width
+from mapmeld.picture_axes import Axes
 from mapmeld.report_raster import Layer, paint
 from mapmeld.result import MergeResult
 
-_DPI = 110
-_WIDTH = 8.0
-"""Of the picture, inches."""
+_WIDTH = 880
+"""Of the picture, pixels."""
 _ARROW = " \N{RIGHTWARDS ARROW} "
 _MOST_PANELS = 13
 """Components that get a panel; the rest are named in the legend only."""
@@ -29,7 +30,9 @@ _PIXELS, _SMALL_PIXELS = 450, 200
 """Longest side of a panel's picture. Less than the screen shows, so that walls of one cell stay visible."""
 _MOST_KNOWN = 8
 """Lines about what was known; the rest is in result.json."""
-_INK = "0.15"
+_LINE = 17
+"""Height of a line of the legend, pixels."""
+_SMALL_PRINT = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +59,18 @@ def draw_report(path: str | Path, result: MergeResult, maps: Sequence[OccupancyG
     origin of its local frame; an index with an arrow stands at the panel's edge, its origin farther out.
     The titles tell the merge order. Raises OSError when the file cannot be written.
     """
-    # Matplotlib takes longer to import than many a merge; pyplot would look for a screen besides.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     panels = _panels(result)
-    figure = Figure(figsize=_size(panels, result), dpi=_DPI)
-    figure.set_layout_engine("constrained", w_pad=0.08, h_pad=0.12)
-    FigureCanvasAgg(figure)
-    for axes, panel in zip(_axes(figure, panels), panels, strict=True):
-        _draw_panel(axes, panel, result, maps)
+    known = _known_lines(result)
+    rows = math.ceil(len(result.maps) / _legend_columns(result))
+    below = _LINE * (rows + len(known)) + 24
+    above = _height(panels)
+    picture = Picture(_WIDTH, above + below)
+    for panel, box in zip(panels, _boxes(panels, above), strict=True):
+        _draw_panel(picture, box, panel, result, maps)
     if not panels:
-        figure.text(0.5, 0.6, "No map holds a known cell.", ha="center", fontsize=13, color=_INK)
-    _draw_legend(figure, result)
-    figure.savefig(path, format="png", metadata={"Software": None}, pil_kwargs={"compress_level": 3})
+        picture.text((_WIDTH / 2, above / 2), "No map holds a known cell.", 20, "mm")
+    _draw_legend(picture, above + 8, result, known)
+    Path(path).write_bytes(picture.png())
 
 
 def _panels(result: MergeResult) -> list[_Panel]:
@@ -106,78 +107,78 @@ def _panel(
     return _Panel(k, merged, members, origins, near, view, pad, is_large)
 
 
-def _size(panels: list[_Panel], result: MergeResult) -> tuple[float, float]:
-    """Width and height in inches: a lone panel's shape decides, within reason."""
-    height = 0.8 * _WIDTH
+def _height(panels: list[_Panel]) -> int:
+    """Of all panels together, pixels: a lone panel's shape decides, within reason."""
+    if not panels:
+        return 160
     if len(panels) == 1:
         left, right, bottom, top = panels[0].view
-        height = min(max((_WIDTH - 0.8) * (top - bottom) / (right - left), 2.5), 11.0) + 0.8
-    elif panels and not panels[0].is_large:
-        height = _WIDTH * math.ceil(len(panels) / _columns(len(panels))) / _columns(len(panels))
-    elif not panels:
-        height = 2.0
-    return _WIDTH, height + 0.19 * math.ceil(len(result.maps) / _legend_columns(result)) + 0.2 + 0.16 * len(
-        _known_lines(result)
-    )
+        return round(min(max((_WIDTH - 90) * (top - bottom) / (right - left), 275), 1200)) + 100
+    if panels[0].is_large:
+        return round(0.8 * _WIDTH)
+    columns = _columns(len(panels))
+    return round(_WIDTH * math.ceil(len(panels) / columns) / columns)
 
 
 def _columns(panels: int) -> int:
     return math.ceil(math.sqrt(panels))
 
 
-def _axes(figure: Any, panels: list[_Panel]) -> list[Any]:
-    """Axes for each panel: large ones for a first component of several maps, the rest in a grid."""
-    n = len(panels)
-    if n == 0:
+def _boxes(panels: list[_Panel], height: int) -> list[Box]:
+    """Where each panel goes: a first component of several maps to the left, large, the rest in a grid."""
+    if not panels:
         return []
-    if n == 1 or not panels[0].is_large:
-        columns = _columns(n)
-        flat = list(figure.subplots(math.ceil(n / columns), columns, squeeze=False).flat)
-        for unused in flat[n:]:
-            unused.remove()
-        return flat[:n]
-    columns = math.ceil((n - 1) / 4)
-    rows = math.ceil((n - 1) / columns)
-    main = 2.5 if columns == 1 else 1.6 * columns
-    grid = figure.add_gridspec(rows, columns + 1, width_ratios=[main, *[1] * columns])
-    small = [figure.add_subplot(grid[i // columns, 1 + i % columns]) for i in range(n - 1)]
-    return [figure.add_subplot(grid[:, 0]), *small]
+    is_large = panels[0].is_large
+    small = len(panels) - is_large
+    columns = max(1, math.ceil(small / 4) if is_large else _columns(small))
+    main = 0.0
+    if is_large:
+        share = 1.0 if not small else (2.5 if columns == 1 else 1.6 * columns)
+        main = _WIDTH * share / (share + (columns if small else 0))
+    boxes = [(0.0, 0.0, main, float(height))] if is_large else []
+    width, each = (_WIDTH - main) / columns, height / max(1, math.ceil(small / columns))
+    for k in range(small):
+        left, top = main + k % columns * width, k // columns * each
+        boxes.append((left, top, left + width, top + each))
+    return boxes
 
 
-def _draw_panel(axes: Any, panel: _Panel, result: MergeResult, maps: Sequence[OccupancyGrid]) -> None:
+def _draw_panel(
+    picture: Picture, box: Box, panel: _Panel, result: MergeResult, maps: Sequence[OccupancyGrid]
+) -> None:
+    size, title_size = (12, 16) if panel.is_large else (10, 11)
+    title = _title(panel, result, title_size, box[2] - box[0] - 20)
+    top = box[1] + 10 + 1.3 * title_size * len(title)
+    room = (70, 45) if panel.is_large else (38, 24)
+    inner = (box[0] + room[0], top, box[2] - 14, box[3] - room[1])
+    axes = Axes.within(panel.view, inner)
     layers = []
     for i in panel.members:
         T = result.maps[i].T_component_map
         assert T is not None
         layers.append(Layer(maps[i], T, map_colour(i)))
     raster = paint(panel.merged, layers, _PIXELS if panel.is_large else _SMALL_PIXELS)
-    axes.imshow(raster.rgb, origin="lower", extent=raster.extent, interpolation="nearest")
-    is_large = panel.is_large
-    left, right, bottom, top = panel.view
-    axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", facecolor="white")
-    axes.tick_params(labelsize=8 if is_large else 7, colors=_INK)
-    axes.locator_params(nbins=8 if is_large else 4)
-    for spine in axes.spines.values():
-        spine.set_color("0.7")
-    if is_large:
-        axes.set_xlabel("x [m]", fontsize=9, color=_INK)
-        axes.set_ylabel("y [m]", fontsize=9, color=_INK)
-    axes.set_title(_title(panel, result), fontsize=11 if is_large else 8, color=_INK)
-    _draw_origins(axes, panel, 9 if is_large else 7)
+    left, right, bottom, upper = raster.extent
+    picture.raster(raster.rgb[::-1], (*axes.at(left, upper), *axes.at(right, bottom)))
+    axes.frame(picture, size, 8 if panel.is_large else 4, ("x [m]", "y [m]") if panel.is_large else None)
+    middle = (axes.box[0] + axes.box[2]) / 2
+    for k, line in enumerate(title):
+        picture.text((middle, box[1] + 8 + 1.3 * title_size * k), line, title_size, "ma")
+    _draw_origins(picture, axes, panel, 14 if panel.is_large else 11)
 
 
-def _title(panel: _Panel, result: MergeResult) -> str:
+def _title(panel: _Panel, result: MergeResult, size: int, width: float) -> list[str]:
     if len(panel.members) == 1:
         text = f"map {panel.members[0]} alone"
     else:
         text = f"merge order {_ARROW.join(str(i) for i in panel.members)}"
-    lines = textwrap.wrap(text, 66 if panel.is_large else 26)
+    lines = textwrap.wrap(text, max(12, int(width / text_width("0", size))))
     if len(result.components) > 1:
         lines.insert(0, f"component {panel.component}")
-    return "\n".join(lines)
+    return lines
 
 
-def _draw_origins(axes: Any, panel: _Panel, size: float) -> None:
+def _draw_origins(picture: Picture, axes: Axes, panel: _Panel, size: int) -> None:
     left, right, bottom, top = panel.view
     taken: list[tuple[float, float]] = []
     for i, (x, y), is_near in zip(panel.members, panel.origins.tolist(), panel.near, strict=True):
@@ -188,28 +189,13 @@ def _draw_origins(axes: Any, panel: _Panel, size: float) -> None:
             while any(math.dist(shown, other) < 2 * panel.pad for other in taken):
                 shown = (shown[0] + (panel.pad if x < left else -panel.pad), shown[1])
             taken.append(shown)
-        if not is_near:
             angle = math.atan2(y - shown[1], x - shown[0])
             tip = (shown[0] + 1.9 * panel.pad * math.cos(angle), shown[1] + 1.9 * panel.pad * math.sin(angle))
-            arrow = {"arrowstyle": "-|>", "color": map_colour(i), "shrinkA": 0, "shrinkB": 0}
-            axes.annotate("", xy=tip, xytext=shown, arrowprops=arrow)
-        rim = {
-            "boxstyle": "circle,pad=0.25",
-            "facecolor": "white",
-            "edgecolor": map_colour(i),
-            "linewidth": 0.2 * size,
-        }
-        axes.text(
-            *shown,
-            str(i),
-            ha="center",
-            va="center",
-            fontsize=size,
-            fontweight="bold",
-            color=_INK,
-            bbox=rim,
-            zorder=5,
-        )
+            picture.arrow(axes.at(*shown), axes.at(*tip), map_colour(i), 0.7 * size)
+        # The middles of pixels: a disc between two would be blurred.
+        column, row = (round(v) for v in axes.at(*shown))
+        picture.disc((column, row), 0.62 * size + 0.25 * text_width(str(i), size), map_colour(i), 0.22 * size)
+        picture.text((column, row), str(i), size, "mm", bold=True)
 
 
 def _known_lines(result: MergeResult) -> list[str]:
@@ -217,41 +203,39 @@ def _known_lines(result: MergeResult) -> list[str]:
     lines = [] if result.known is None else result.known.lines()
     if len(lines) > _MOST_KNOWN:
         lines = [*lines[: _MOST_KNOWN - 1], f"and {len(lines) - _MOST_KNOWN + 1} more (result.json)"]
-    return [textwrap.shorten(line, 110).replace("$", r"\$") for line in lines]
+    return [textwrap.shorten(line, 110) for line in lines]
 
 
 def _legend_columns(result: MergeResult) -> int:
-    longest = max(len(_label(i, result)) for i in range(len(result.maps)))
-    return max(1, min(5, 100 // (longest + 6)))
+    longest = max(text_width(_label(i, result), _SMALL_PRINT) for i in range(len(result.maps)))
+    return max(1, min(5, int((_WIDTH - 20) // (longest + 55))))
 
 
 def _label(i: int, result: MergeResult) -> str:
     placed = result.maps[i]
-    # A name may be of any length, and a "$" would start a formula.
+    # A name may be of any length.
     name = placed.name if len(placed.name) <= 50 else f"{placed.name[:47]}..."
-    status = "" if placed.status == "merged" else f" ({placed.status})"
-    return f"{i}  {name}{status}".replace("$", r"\$")
+    return f"{i}  {name}" + ("" if placed.status == "merged" else f" ({placed.status})")
 
 
-def _draw_legend(figure: Any, result: MergeResult) -> None:
-    from matplotlib.patches import Patch
-
-    handles = [
-        Patch(
-            facecolor="white" if placed.T_component_map is None else map_colour(i),
-            edgecolor=map_colour(i),
-            linewidth=2,
-            label=_label(i, result),
-        )
-        for i, placed in enumerate(result.maps)
+def _draw_legend(picture: Picture, top: int, result: MergeResult, known: list[str]) -> None:
+    """What was known, and the colour, index and name of each map, column by column."""
+    for k, line in enumerate(known):
+        picture.text((_WIDTH / 2, top + _LINE * k), line, _SMALL_PRINT, "ma")
+    top += _LINE * len(known)
+    columns = _legend_columns(result)
+    rows = math.ceil(len(result.maps) / columns)
+    widths = [
+        max(text_width(_label(i, result), _SMALL_PRINT) for i in range(k, min(k + rows, len(result.maps))))
+        + 55
+        for k in range(0, len(result.maps), rows)
     ]
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=_legend_columns(result),
-        fontsize=8,
-        frameon=False,
-        labelcolor=_INK,
-        title="\n".join(_known_lines(result)) or None,
-        title_fontsize=8,
-    )
+    left = (_WIDTH - sum(widths)) / 2
+    for column, width in enumerate(widths):
+        for row, i in enumerate(range(column * rows, min((column + 1) * rows, len(result.maps)))):
+            y = top + _LINE * row
+            is_placed = result.maps[i].T_component_map is not None
+            fill = map_colour(i) if is_placed else (1.0, 1.0, 1.0)
+            picture.rectangle((left + 8, y + 3, left + 32, y + 12), fill, map_colour(i))
+            picture.text((left + 40, y + _LINE / 2), _label(i, result), _SMALL_PRINT, "lm")
+        left += width

@@ -73,6 +73,7 @@ def test_a_session_of_other_maps_is_refused(tmp_path: Path, maps: list[str]) -> 
         ("{}", "is no session"),
         ('{"session": 1, "maps": [], "config": {}, "known": 3}', "must be objects"),
         ('{"session": 1, "maps": [], "config": {}, "known": {"priors": []}}', "'pins' is missing"),
+        ('{"session": 1, "maps": [], "config": {"seeds": 1}, "known": {}}', "session.json: config"),
     ],
 )
 def test_a_broken_session_is_named(tmp_path: Path, maps: list[str], content: str, text: str) -> None:
@@ -88,7 +89,9 @@ def test_a_broken_session_is_named(tmp_path: Path, maps: list[str], content: str
         (["--pin", "left=1,2"], "--pin left=1,2: must be NAME=X,Y,THETA"),
         (["--pin", "left=1,2,nan"], "must be NAME=X,Y,THETA"),
         (["--prior", "left=1,2,3"], "must be NAME=X,Y,THETA,SX,SY,STHETA"),
-        (["--prior", "left=1,2,3,0,1,1"], "sigma must be positive"),
+        (["--prior", "left=1,2,3,0,1,1"], "--prior left=1,2,3,0,1,1: SX, SY and STHETA must be positive"),
+        (["--pin", "left=1,2,0", "--pin", "left=1,3,0"], "--pin left=1,3,0: --pin left=1,2,0 gives that map"),
+        (["--pin", "left=1,2,0", "--prior", "left=1,3,0,1,1,1"], "gives that map a pose as well; keep one"),
         (["--points", "left,right=1,2,3"], "must be A,B=XA,YA,XB,YB"),
         (["--points", "left=1,2,3,4"], "names of two maps"),
         (["--forbid", "left"], "names of two maps"),

@@ -164,6 +164,7 @@ def test_bad_places(site: Path, tmp_path: Path) -> None:
     assert_refused(run_cli("report", result, "-o", tmp_path / "no" / "page.html"), "page.html", "-o")
     assert_refused(run_cli("report", result, "-o", result), "is an input")
     assert_refused(run_cli("report", tmp_path / "none.json"), "none.json: cannot be read")
+    assert_refused(run_cli("report", tmp_path / "no" / "result.json"), "result.json: cannot be read")
     assert_refused(run_cli("merge", *maps, "--json", "-", "--report"), "--report", "-o DIR")
     (tmp_path / "file").write_text("")
     assert_refused(

@@ -175,6 +175,8 @@ def test_known_survives_json() -> None:
         (lambda: Known(forbidden=(("a", "a"),)), "two maps"),
         (lambda: Known(forbidden=("ab",)), "two maps"),
         (lambda: Known(pins={"a": (1, 2)}), "pin of 'a'"),
+        (lambda: Known(priors={"a": (1, 2, 3)}), "prior of 'a': must be a mapmeld.Prior"),
+        (lambda: Known(same_points=(1,)), "must be of mapmeld.SamePoints"),
         (lambda: merge(building(), known=Known(pins={"x": (0, 0, 0)})), "no map is called 'x'"),
         (
             lambda: Known(same_points=(SamePoints("a", "b", (((0, 0), (0, 0)),)),), forbidden=(("b", "a"),)),

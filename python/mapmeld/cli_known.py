@@ -33,18 +33,30 @@ def gather_known(
     forbidden: Sequence[str] | None,
 ) -> Known:
     """What the options say, on top of the session. Raises MapmeldError, naming the option."""
+    from mapmeld.errors import MapmeldError
     from mapmeld.estimate import Prior
     from mapmeld.known import Known, SamePoints
+    from mapmeld.map_yaml import one_line
 
     base = Known() if session is None else session.known
     told_priors, told_pins = dict(base.priors), dict(base.pins)
     same, pairs = list(base.same_points), list(base.forbidden)
+    placed: dict[str, str] = {}
     for text in priors or []:
         name, n = _numbers("--prior", text, "NAME=X,Y,THETA,SX,SY,STHETA", lambda k: k == 6)
+        _once(placed, name, f"--prior {text}")
+        if min(n[3:]) <= 0:
+            raise MapmeldError(
+                one_line(f"--prior {text}: SX, SY and STHETA must be positive; --pin a pose that is exact")
+            )
         told_priors[name] = Prior(n[:3], n[3:])
+        # What the command line says of a map stands in the place of what the session does.
+        told_pins.pop(name, None)
     for text in pins or []:
         name, n = _numbers("--pin", text, "NAME=X,Y,THETA", lambda k: k == 3)
+        _once(placed, name, f"--pin {text}")
         told_pins[name] = (n[0], n[1], n[2])
+        told_priors.pop(name, None)
     for text in points or []:
         form = "A,B=XA,YA,XB,YB,..."
         both, n = _numbers("--points", text, form, lambda k: k > 0 and k % 4 == 0)
@@ -53,6 +65,16 @@ def gather_known(
         same.append(SamePoints(a, b, tuple(((x, y), (u, v)) for x, y, u, v in four)))
     pairs += [_two("--forbid", text, "A,B") for text in forbidden or []]
     return Known(told_priors, told_pins, tuple(same), tuple(pairs))
+
+
+def _once(placed: dict[str, str], name: str, option: str) -> None:
+    """Two poses of one map would leave it open which of them counts."""
+    from mapmeld.errors import MapmeldError
+    from mapmeld.map_yaml import one_line
+
+    if name in placed:
+        raise MapmeldError(one_line(f"{option}: {placed[name]} gives that map a pose as well; keep one"))
+    placed[name] = option
 
 
 def _numbers(flag: str, text: str, form: str, fits: Any) -> tuple[str, list[float]]:

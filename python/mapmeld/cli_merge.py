@@ -139,7 +139,7 @@ def merge(
         str | None,
         typer.Option(
             metavar="[FILE.rrd]",
-            help="Record the merge for the Rerun viewer; without a file, open it (needs mapmeld[rerun]).",
+            help="Record the merge for the Rerun viewer; without a file, open it (needs mapmeld\\[rerun]).",
             show_default=False,
         ),
     ] = None,

@@ -57,6 +57,8 @@ def _check_target(target: Path, inputs: list[Path]) -> None:
     """Before there is work to lose."""
     from mapmeld.errors import MapmeldError
 
+    if not inputs[0].is_file():
+        return  # Reading it says what is wrong; the page lies beside it, so its place would be blamed.
     if target.is_dir() or not target.absolute().parent.is_dir():
         raise MapmeldError(f"{target}: is no file in a folder that is there; choose another place with -o")
     if target.resolve() in (path.resolve() for path in inputs):

@@ -125,6 +125,12 @@ class Known:
         pins = {n: checked_pose(T, f"pin of {n!r}: T_world_map") for n, T in self.pins.items()}
         object.__setattr__(self, "pins", pins)
         object.__setattr__(self, "priors", dict(self.priors))
+        for name, prior in self.priors.items():
+            if not isinstance(prior, Prior):
+                raise MapmeldError(one_line(f"prior of {name!r}: must be a mapmeld.Prior, got {prior!r}"))
+        for told in self.same_points:
+            if not isinstance(told, SamePoints):
+                raise MapmeldError(one_line(f"same_points: must be of mapmeld.SamePoints, got {told!r}"))
         object.__setattr__(self, "same_points", tuple(self.same_points))
         pairs = dict.fromkeys(_pair(p) for p in self.forbidden)
         object.__setattr__(self, "forbidden", tuple(pairs))

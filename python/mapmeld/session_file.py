@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mapmeld import json_fields
+from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
 from mapmeld.known import Known
@@ -80,6 +81,7 @@ def read_session(path: str | Path) -> Session:
     config, known = (json_fields.required(content, key, where) for key in ("config", "known"))
     if not isinstance(config, dict) or not isinstance(known, dict):
         raise MapmeldError(f"{where}: 'config' and 'known' must be objects")
+    effective_config(config, f"{where}: config")
     told = Known.from_dict(known, f"{where}: known")
     told.check_names(list(maps), f"{where}: known")
     return Session(maps, config, told)

@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 /// Bins of a full turn: one degree each.
 pub const BINS: usize = 360;
 /// Rotations that are tried.
-const ROTATIONS: usize = 12;
+const ROTATIONS: usize = 8;
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
 /// Peaks of all rotations that are scored again in finer cells.

@@ -2,7 +2,7 @@
 
 use crate::config::{Config, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
-use crate::perception::{placed, rigid};
+use crate::perception::{placed, rigid, WallEvidence};
 use crate::probe::{axes_of, Axes};
 use crate::registration::{
     climb::{self, Climb},
@@ -13,7 +13,7 @@ use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
 /// Samples that the very first look at a candidate takes.
-const BRIEF_SAMPLES: usize = 64;
+const BRIEF_SAMPLES: usize = 32;
 /// Samples that a longer look takes.
 const LONGER_SAMPLES: usize = 200;
 /// Samples of each map that the first steps uphill follow.
@@ -23,7 +23,7 @@ const CLIMB_SAMPLES: usize = 160;
 /// Samples of each map that the last climb of a mode follows.
 const FINAL_SAMPLES: usize = 400;
 /// Modes of the mirror image, of which the best alone is asked for.
-const DECOYS: usize = 4;
+const DECOYS: usize = 2;
 /// Steps that every candidate worth a second look is led uphill.
 const FIRST_STEPS: usize = 6;
 
@@ -40,28 +40,34 @@ pub fn register(
     config: &Config,
 ) -> Registered {
     let r = &config.registration;
-    let (candidates, modes) = find_modes(ma, mb, hints, (r.shortlist, r.max_modes), config);
-    let mut decoys = mirrored_b
-        .map_or_else(Vec::new, |m| find_modes(ma, m, &[], (r.decoy_shortlist, DECOYS), config).1);
-    decoys.resize(modes.len(), Vec::new());
-    let evidence = |modes: Vec<Mode>| modes.into_iter().map(|m| m.evidence).collect();
-    let rungs = modes
-        .into_iter()
-        .zip(decoys)
-        .map(|(modes, decoys)| Rung { modes, decoys: evidence(decoys) })
-        .collect();
+    let rungs = config.perception.rungs();
+    let (candidates, tops) = find_tops(ma, mb, hints, (r.shortlist, r.max_modes), (&rungs, config));
+    let modes = tops.into_iter().zip(&rungs).map(|(tops, p)| {
+        let mut modes: Vec<Mode> = tops.into_iter().map(|c| mode(ma, mb, c, p)).collect();
+        modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
+        modes
+    });
+    let decoys = mirrored_b.map(|m| {
+        let sizes = (r.decoy_shortlist, DECOYS);
+        let (_, tops) = find_tops(ma, m, &[], sizes, (&rungs, config));
+        let evidence = |(tops, p): (Vec<Candidate>, &PerceptionConfig)| -> Vec<WallEvidence> {
+            tops.iter().map(|c| placed::pair(ma, m, &c.t_a_b, p)).collect()
+        };
+        tops.into_iter().zip(&rungs).map(evidence).collect()
+    });
+    let decoys = decoys.unwrap_or_else(|| vec![Vec::new(); rungs.len()]);
+    let rungs = modes.zip(decoys).map(|(modes, decoys)| Rung { modes, decoys }).collect();
     Registered { a, b, candidates, rungs }
 }
 
-/// Number of candidates, and the modes that they lead to at each standard deviation of the walls.
-fn find_modes(
+/// Number of candidates, and the local maxima that they lead to at each standard deviation of the walls.
+fn find_tops(
     ma: &LocalMap,
     mb: &LocalMap,
     hints: &[Se2],
     (shortlist, max_modes): (usize, usize),
-    config: &Config,
-) -> (usize, Vec<Vec<Mode>>) {
-    let rungs = config.perception.rungs();
+    (rungs, config): (&[PerceptionConfig], &Config),
+) -> (usize, Vec<Vec<Candidate>>) {
     let (Some(_), Some(center)) = (ma.center, mb.center) else {
         return (0, vec![Vec::new(); rungs.len()]);
     };
@@ -117,16 +123,13 @@ fn find_modes(
         let at_top = climbed(&shortlisted, &climb, p);
         tops.extend(distinct(finely(&at_top, 2 * CLIMB_SAMPLES, p), max_modes));
     }
-    let modes = rungs.iter().zip(&rigid).map(|(p, rigid)| {
+    let at_each = rigid.iter().map(|rigid| {
         let few = distinct(finely(&tops, FINAL_SAMPLES, rigid), max_modes);
         let climb = Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0 };
         let at_top = climbed(&few, &climb, rigid);
-        let at_top = distinct(finely(&at_top, 2 * FINAL_SAMPLES, rigid), max_modes);
-        let mut modes: Vec<Mode> = at_top.into_iter().map(|c| mode(ma, mb, c, p)).collect();
-        modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
-        modes
+        distinct(finely(&at_top, 2 * FINAL_SAMPLES, rigid), max_modes)
     });
-    (candidates, modes.collect())
+    (candidates, at_each.collect())
 }
 
 /// A pose with what the walls say about it.

@@ -15,8 +15,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchDescription
 
 ARGUMENTS = {
-    "namespace": ("/", "Namespace of the node; its merged map is <namespace>/map."),
-    "use_sim_time": ("false", "Whether stamps come from /clock."),
+    "namespace": ("", "Namespace of the node; its merged map is <namespace>/map."),
+    "use_sim_time": ("false", "Whether stamps come from /clock; goes before what params_file says."),
     "params_file": ("", "YAML file of parameters; without one, the package's config/map_merge.yaml."),
     "log_level": ("info", "debug, info, warn, error or fatal."),
 }

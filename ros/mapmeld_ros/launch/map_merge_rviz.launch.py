@@ -1,4 +1,4 @@
-"""Starts the map merge and RViz with the merged map, the robots' maps and the tree.
+"""Starts the map merge and RViz with the merged map and the tree.
 
 ros2 launch mapmeld_ros map_merge_rviz.launch.py params_file:=my.yaml
 """
@@ -17,16 +17,21 @@ from launch import LaunchDescription
 
 def generate_launch_description() -> LaunchDescription:
     share = Path(get_package_share_directory("mapmeld_ros"))
-    names = ["namespace", "use_sim_time", "params_file"]
-    defaults = ["/", "false", str(share / "config" / "map_merge.yaml")]
-    declared = [DeclareLaunchArgument(n, default_value=v) for n, v in zip(names, defaults)]  # noqa: B905
+    declared = [
+        DeclareLaunchArgument("namespace", default_value="", description="Of the merge and of RViz."),
+        DeclareLaunchArgument("use_sim_time", default_value="false", description="Of the merge and of RViz."),
+    ]
+    # Its other arguments, params_file and log_level, are passed on as they are given.
     merge = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(share / "launch" / "map_merge.launch.py")),
-        launch_arguments={name: LaunchConfiguration(name) for name in names}.items(),
+        launch_arguments={n: LaunchConfiguration(n) for n in ("namespace", "use_sim_time")}.items(),
     )
     rviz = Node(
         package="rviz2",
         executable="rviz2",
+        namespace=LaunchConfiguration("namespace"),
+        # The configuration names global topics, the merge publishes in its namespace.
+        remappings=[("/map", "map"), ("/map_2", "map_2")],
         arguments=["-d", str(share / "rviz" / "map_merge.rviz")],
         parameters=[{"use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)}],
     )

@@ -81,10 +81,14 @@ impl PairTable {
             .collect()
     }
 
-    /// The best log-likelihood that the mirror image of one of the maps reaches on the other; zero where
-    /// none was tried.
+    /// The best log-likelihood that the mirror image of one of the maps reaches on the other; where it was not
+    /// tried, what the modes reach, none of which stands: that is chance as well. Zero of pairs not registered.
     pub fn decoy(&self, a: usize, b: usize) -> f64 {
-        self.find(a, b).map_or(0.0, |p| p.found.decoy())
+        let chance = |p: &PairModes| match (p.found.decoys.as_slice(), p.found.modes.first()) {
+            ([], Some(best)) => best.evidence.log_likelihood.max(0.0),
+            _ => p.found.decoy(),
+        };
+        self.find(a, b).map_or(0.0, chance)
     }
 
     /// Log-likelihood of the best mode of a pair; none without a mode.

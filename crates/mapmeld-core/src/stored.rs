@@ -32,7 +32,9 @@ pub fn root(config: &Config) -> [u8; 32] {
     hasher.update(concat!(env!("CARGO_PKG_VERSION"), " ", env!("MAPMELD_SOURCES")).as_bytes());
     // Which pairs are registered says nothing of any one of them.
     let registration = RegistrationConfig { partners: None, ..config.registration.clone() };
-    let stages = (&config.structure, &registration, &config.perception);
+    // The verdict decides whether a pair's mirror image is tried.
+    let verdict = (&config.evidence.weights, config.evidence.least_followed);
+    let stages = (&config.structure, &registration, &config.perception, verdict);
     hasher.update(&serde_json::to_vec(&stages).expect("options are numbers and names"));
     *hasher.finalize().as_bytes()
 }

@@ -71,7 +71,7 @@ pub struct Mode {
 pub struct Rung {
     /// Modes, most likely first.
     pub modes: Vec<Mode>,
-    /// What map a reaches with the mirror image of map b, which it cannot have seen.
+    /// What map a reaches with the mirror image of map b, which it cannot have seen; empty where it was not tried.
     pub decoys: Vec<WallEvidence>,
 }
 

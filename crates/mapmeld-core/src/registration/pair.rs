@@ -1,6 +1,6 @@
 //! Registration of one pair of prepared maps: candidates, shortlist, climb, modes.
 
-use crate::config::{Config, PerceptionConfig, RegistrationConfig};
+use crate::config::{Config, EvidenceConfig, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::{placed, rigid, WallEvidence};
 use crate::probe::{axes_of, Axes};
@@ -9,6 +9,7 @@ use crate::registration::{
     corners, correlation, segments, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
+use crate::verdict::{self, Background};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
@@ -29,7 +30,7 @@ const FIRST_STEPS: usize = 6;
 
 /// Registers a pair: the modes of `T_a_b`, most likely first (paper, section 3: the possible motions
 /// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach; both at each
-/// standard deviation of the walls that is tried. `hints` are transforms that are worth a climb whatever the
+/// standard deviation of the walls that is tried. The mirror image is not tried where no mode can stand. `hints` are transforms that are worth a climb whatever the
 /// sources say.
 pub fn register(
     ma: &LocalMap,
@@ -47,7 +48,11 @@ pub fn register(
         modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
         modes
     });
-    let decoys = mirrored_b.map(|m| {
+    let modes: Vec<Vec<Mode>> = modes.collect();
+    // What does not stand with nothing held against it need not be held against the mirror image. Known poses
+    // may lift what walls alone do not.
+    let may_stand = !hints.is_empty() || may_stand([ma, mb], &modes, &config.evidence);
+    let decoys = mirrored_b.filter(|_| may_stand).map(|m| {
         let sizes = (r.decoy_shortlist, DECOYS);
         let (_, tops) = find_tops(ma, m, &[], sizes, (&rungs, config));
         let evidence = |(tops, p): (Vec<Candidate>, &PerceptionConfig)| -> Vec<WallEvidence> {
@@ -56,8 +61,20 @@ pub fn register(
         tops.into_iter().zip(&rungs).map(evidence).collect()
     });
     let decoys = decoys.unwrap_or_else(|| vec![Vec::new(); rungs.len()]);
-    let rungs = modes.zip(decoys).map(|(modes, decoys)| Rung { modes, decoys }).collect();
+    let rungs =
+        modes.into_iter().zip(decoys).map(|(modes, decoys)| Rung { modes, decoys }).collect();
     Registered { a, b, candidates, rungs }
+}
+
+/// Whether any mode would be followed if neither the mirror image nor another mode spoke against it.
+fn may_stand(maps: [&LocalMap; 2], modes: &[Vec<Mode>], config: &EvidenceConfig) -> bool {
+    modes.iter().enumerate().any(|(rung, modes)| {
+        let alone = Background::new(maps.into_iter(), rung, 0.0);
+        let stands = |m: &Mode| {
+            verdict::probability(&m.evidence, 0.0, &alone, config) >= config.least_followed
+        };
+        modes.iter().any(stands)
+    })
 }
 
 /// Number of candidates, and the local maxima that they lead to at each standard deviation of the walls.

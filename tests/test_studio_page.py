@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import time
@@ -14,8 +15,9 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from mapmeld import se2
+from mapmeld import OccupancyGrid, se2
 from mapmeld.cli import app
+from mapmeld.grid import UNKNOWN
 from mapmeld.known import Point
 from mapmeld.studio.server import NOT_HERE
 from rooms import TRUTH, building, hall, save, view
@@ -33,6 +35,15 @@ def bench(tmp_path: Path) -> Iterator[tuple[Any, str]]:
     maps = save(tmp_path / "maps", [*building(), hall()])
     with studio(maps, tmp_path / "out") as url, browser() as context:
         yield context, url
+
+
+def two_way_room(name: str) -> OccupancyGrid:
+    """A closed room that a half turn takes to itself."""
+    data = np.full((220, 300), UNKNOWN, dtype=np.int8)
+    data[10:210, 10:290] = 100
+    data[12:208, 12:288] = 0
+    data[90:130, 140:160] = 100
+    return OccupancyGrid(data, 0.05, (0.0, 0.0, 0.0), name)
 
 
 def placed(page: Page) -> dict[str, str]:
@@ -398,8 +409,6 @@ def contrast(a: str, b: str) -> float:
 
 def test_fifty_maps_are_shown_soon(tmp_path: Path) -> None:
     """That they pan fast enough is measured by benchmarks/studio.py; here, that they come at all."""
-    from mapmeld import OccupancyGrid
-
     rng = np.random.default_rng(1)
     grids = []
     for k in range(50):
@@ -466,6 +475,39 @@ def test_a_hypothesis_is_seen_before_it_is_chosen(shared_data: Path, tmp_path: P
         page.keyboard.press("Control+s")
         page.until_says("#message", "report.html")
         assert page.errors == []
+
+
+def test_a_hypothesis_shows_where_it_has_a_map(tmp_path: Path) -> None:
+    maps = save(tmp_path / "maps", [two_way_room("a"), two_way_room("b")])
+    with studio(maps, tmp_path / "out") as url, browser() as context:
+        page = Page(context, url)
+        page.until_solved()
+        page.until_says("#hypotheses", "2: b with a")
+        now = page.pose("b")
+        for k in (1, 2):
+            page.hover(f"#hypotheses li:nth-child({k}) button")
+            there = f"app.state.hypotheses[{k - 1}].poses.b"
+            shown = "app.scene.items.find(i => i.name === 'b').pose"
+            page.until(f"JSON.stringify({shown}) === JSON.stringify({there})", 5)
+            assert page.pose("b") == now, "it is only looked at"
+        page.hover("#verdict")
+        page.until(f"JSON.stringify({shown}) === JSON.stringify(app.poses.b)", 5)
+
+
+def test_walls_stand_out_in_the_dark(tmp_path: Path) -> None:
+    grids = [dataclasses.replace(hall(), name=f"hall_{k:02}") for k in range(20)]
+    with (
+        studio(save(tmp_path / "maps", grids), tmp_path / "out") as url,
+        browser(color_scheme="dark") as context,
+    ):
+        page = Page(context, url)
+        page.evaluate("app.act('cancel')")
+        floor = "getComputedStyle(document.documentElement).getPropertyValue('--floor').trim()"
+        red, green, blue = bytes.fromhex(page.evaluate(floor).lstrip("#"))
+        colours = [page.evaluate(f"app.css({k})") for k in range(20)]
+        for colour in colours:
+            assert contrast(colour, f"rgb({red} {green} {blue})") >= 4.5, colour
+        assert len(set(colours)) == 20
 
 
 def test_one_map_says_why_there_are_no_corners(tmp_path: Path) -> None:

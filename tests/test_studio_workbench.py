@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import math
@@ -14,7 +15,9 @@ import pytest
 from mapmeld import Known, MapmeldError, OccupancyGrid, SamePoints, merge, read_map, se2
 from mapmeld.grid import UNKNOWN
 from mapmeld.known_cells import known_centre
-from mapmeld.studio import layout
+from mapmeld.result import Hypothesis, HypothesisMap, Pair
+from mapmeld.studio import hypotheses, layout
+from mapmeld.studio.desk import Desk
 from mapmeld.studio.workbench import Busy, Workbench
 from rooms import TRUTH, blank, building, hall, view
 
@@ -268,6 +271,40 @@ def test_a_hypothesis_says_how_far_it_has_a_map(tmp_path: Path) -> None:
     assert whole.state()["hypotheses"][0]["says"] == "right elsewhere, 0.0 m and 180 degrees off"
     whole.choose(0)
     assert whole.desk.poses["right"] == pytest.approx((x, y, theta), abs=0.1)
+
+
+def test_what_no_pin_and_no_forbidden_pair_can_say_is_refused(tmp_path: Path) -> None:
+    bench = workbench([*building(), hall()], tmp_path)
+    bench.solve()
+    desk, result = bench.desk, bench.desk.result
+    assert result is not None
+    centres = {n: known_centre(g) for n, g in bench.grids.items()}
+    first = result.hypotheses[0]
+    places = {m.name: m for m in first.maps}
+
+    def other(*maps: HypothesisMap, pairs: tuple[Pair, ...] = result.pairs) -> Desk:
+        hypothesis = Hypothesis(0.1, maps)
+        told = dataclasses.replace(result, hypotheses=(first, hypothesis), pairs=pairs)
+        return dataclasses.replace(desk, result=told)
+
+    without = other(*(m for n, m in places.items() if n not in ("right", "hall")))
+    assert [str(d) for d in hypotheses.differences(1, without, centres)] == ["right apart"]
+    chosen, said = hypotheses.chosen(1, without, centres)
+    assert said.startswith("right forbidden to match")
+    assert chosen.known.forbidden
+    nothing = other(*(m for n, m in places.items() if n not in ("right", "hall")), pairs=())
+    with pytest.raises(MapmeldError, match="hypothesis 2 has right apart, and it is not walls"):
+        hypotheses.chosen(1, nothing, centres)
+    # Maps in two parts at once: these lie side by side only to be seen, so no pins hold for both.
+    T = places["middle"].T_component_map
+    two = other(
+        places["left"],
+        dataclasses.replace(places["middle"], T_component_map=np.add(T, (3.0, 0.0, 0.0))),
+        HypothesisMap("hall", 1, np.zeros(3)),
+        HypothesisMap("right", 1, np.array((1.0, 0.0, 0.0))),
+    )
+    with pytest.raises(MapmeldError, match="part by part"):
+        hypotheses.chosen(1, two, centres)
 
 
 def test_parts_snap_as_wholes(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import { listenToKeys } from './keys.js';
 import { loadMarks } from './marks.js';
 import { overlay } from './overlay.js';
 import { say, show, showPairs, showScore } from './panel.js';
-import { Picture } from './pictures.js';
+import { lifted, Picture } from './pictures.js';
 import { listenToPointer } from './pointer.js';
 import { apply, compose, inverse, turned } from './poses.js';
 import { boxOf, corners, Scene } from './scene.js';
@@ -66,7 +66,7 @@ class App {
   /** A map's colour; on a dark ground lighter. */
   rgb(k) {
     const colour = this.infos[k].colour;
-    return dark.matches ? colour.map(c => Math.round(c + 0.62 * (255 - c))) : colour;
+    return dark.matches ? lifted(colour) : colour;
   }
 
   css(k) {

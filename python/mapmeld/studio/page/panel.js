@@ -64,7 +64,7 @@ function verdict(state) {
   if (apart.length && parts.length > 1) text.push(`Not placed: ${apart.map(m => m.name).join(', ')}.`);
   const first = state.parts[0];
   if (first?.shared_cells) text.push(`${(100 * first.conflict_cells / first.shared_cells).toFixed(1)} % of the cells that several maps know contradict (C marks them).`);
-  if (state.moved.length) {
+  if (state.is_current && state.moved.length) {
     const names = state.moved.length > 5 ? `${state.moved.length} maps` : state.moved.join(', ');
     text.push(`Moved since the solve, which Save does not write: ${names}.`);
   }

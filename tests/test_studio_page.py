@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import time
@@ -14,9 +15,11 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from mapmeld import se2
+from mapmeld import OccupancyGrid, se2
 from mapmeld.cli import app
+from mapmeld.grid import UNKNOWN
 from mapmeld.known import Point
+from mapmeld.studio.server import NOT_HERE
 from rooms import TRUTH, building, hall, save, view
 from studio_page import Page, browser, require_browser, studio
 
@@ -32,6 +35,15 @@ def bench(tmp_path: Path) -> Iterator[tuple[Any, str]]:
     maps = save(tmp_path / "maps", [*building(), hall()])
     with studio(maps, tmp_path / "out") as url, browser() as context:
         yield context, url
+
+
+def two_way_room(name: str) -> OccupancyGrid:
+    """A closed room that a half turn takes to itself."""
+    data = np.full((220, 300), UNKNOWN, dtype=np.int8)
+    data[10:210, 10:290] = 100
+    data[12:208, 12:288] = 0
+    data[90:130, 140:160] = 100
+    return OccupancyGrid(data, 0.05, (0.0, 0.0, 0.0), name)
 
 
 def placed(page: Page) -> dict[str, str]:
@@ -221,6 +233,15 @@ def test_pin_forbid_solve_again(bench: tuple[Any, str]) -> None:
     page = Page(*bench)
     page.until_solved()
     page.select("hall")
+    # Where it lies beside the others only to be seen, there is nothing to pin.
+    page.click("#pin")
+    page.until_says("#message", "drag it onto the map that it belongs to first")
+    assert page.evaluate("app.state.maps.every(m => m.pin === null)")
+    page.drag(page.screen("hall", (1.5, 3.4)), page.screen("right", (0.0, 0.0)))
+    page.until("app.state.undo === 'move hall'")
+    page.until_says("#verdict", "Moved since the solve, which Save does not write: hall")
+    page.click("#save")
+    page.until_says("#message", "pin what you moved and solve again")
     page.click("#pin")
     page.until("app.state.maps.find(m => m.name === 'hall').pin === 'hard'")
     page.until_says("#message", "is pinned as well")
@@ -262,7 +283,9 @@ def test_save_and_replay_without_the_page(tmp_path: Path) -> None:
         assert not page.locator("#elsewhere").evaluate("d => d.open")
         page.until_says("#known", "exactly")
     again = tmp_path / "again"
-    run = CliRunner().invoke(app, ["merge", *maps, "--session", str(out / "session.json"), "-o", str(again)])
+    run = CliRunner().invoke(
+        app, ["merge", *maps, "--report", "--session", str(out / "session.json"), "-o", str(again)]
+    )
     assert run.exit_code == 0, run.output
     assert {p.name for p in out.iterdir()} == {p.name for p in again.iterdir()}
     for name in ("merged.pgm", "merged.yaml", "session.json"):
@@ -285,16 +308,16 @@ def test_a_second_tab_asks_and_takes_over(bench: tuple[Any, str]) -> None:
     assert not first.locator("#elsewhere").evaluate("d => d.open")
     second.click("#use-here")
     first.until("document.getElementById('elsewhere').open")
-    second.select("hall")
+    second.select("left")
     second.click("#pin")
-    second.until("app.state.maps[3].pin === 'hard'")
+    second.until("app.state.maps[0].pin === 'hard'")
     # Whoever asks behind the dialog's back is told.
     first.evaluate("app.act('undo')")
     first.until("document.getElementById('message').innerText.includes('another tab')")
     second.close()
     first.click("#use-here")
     first.click("#undo")
-    first.until("app.state.maps[3].pin === null")
+    first.until("app.state.maps[0].pin === null")
 
 
 def test_a_closed_tab_during_a_solve_loses_nothing(bench: tuple[Any, str]) -> None:
@@ -328,6 +351,12 @@ def test_a_wrong_token_is_told(bench: tuple[Any, str]) -> None:
         reply = page.goto(wrong)
         assert reply.status == 403
         assert "right token" in page.inner_text("body")
+    # With the right token it is not the token that is wrong.
+    for there in (f"{url}nothing", f"{url}map/99.png"):
+        reply = context.request.get(there)
+        assert reply.status == 404
+        assert "right token" not in reply.text()
+        assert reply.text().strip() in (NOT_HERE, "there is no map 99")
     reply = context.request.post(f"{root}/x/act", data={"tab": "t", "do": "save"})
     assert reply.status == 403
     elsewhere = context.request.get(f"{url}state", headers={"Host": "evil.example"})
@@ -380,8 +409,6 @@ def contrast(a: str, b: str) -> float:
 
 def test_fifty_maps_are_shown_soon(tmp_path: Path) -> None:
     """That they pan fast enough is measured by benchmarks/studio.py; here, that they come at all."""
-    from mapmeld import OccupancyGrid
-
     rng = np.random.default_rng(1)
     grids = []
     for k in range(50):
@@ -400,8 +427,94 @@ def test_an_answer_that_news_overtook_is_not_believed(bench: tuple[Any, str]) ->
     page = Page(*bench)
     page.until_solved()
     old = page.evaluate("fetch('state').then(r => r.json())")
-    page.select("hall")
+    page.select("left")
     page.click("#pin")
-    page.until("app.state.maps[3].pin === 'hard'")
+    page.until("app.state.maps[0].pin === 'hard'")
     page.evaluate("state => app.hear(state)", old)
-    assert page.evaluate("app.state.maps[3].pin") == "hard"
+    assert page.evaluate("app.state.maps[0].pin") == "hard"
+
+
+def test_a_hypothesis_is_seen_before_it_is_chosen(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "halmstad_E5_half"
+    maps = sorted(p for p in folder.glob("*.yaml") if p.stem[:2] in ("00", "01", "10", "11"))
+    with studio(maps, tmp_path / "out") as url, browser() as context:
+        page = Page(context, url)
+        page.until_solved()
+        page.until_says("#hypotheses", "2: 10_E5_11 apart")
+        page.until_says("#verdict", "All 4 maps lie together")
+        faint = "app.scene.items.find(i => i.name === '10_E5_11').opacity < 0.2"
+        assert not page.evaluate(faint)
+        page.hover("#hypotheses li:nth-child(2)")
+        page.until(faint)
+        page.hover("#verdict")
+        page.until(f"!({faint})")
+        # With the keyboard alone: Tab comes to every button and slider that is shown.
+        page.select("10_E5_11")
+        page.until("document.querySelectorAll('#pairs tbody tr').length === 3")
+        seen = []
+        page.focus("#bench")
+        for _ in range(60):
+            page.keyboard.press("Tab")
+            script = """() => {
+                const e = document.activeElement, s = getComputedStyle(e);
+                const is = s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) > 1;
+                return [e.innerText || e.id, is];
+            }"""
+            text, is_visible = page.evaluate(script)
+            seen.append(text)
+            assert is_visible or text == "BODY" or not text, text
+            if text == "Choose" and page.evaluate(faint):
+                break
+        assert {"Forbid", "opacity", "Choose"} <= set(seen)
+        page.keyboard.press("Enter")
+        page.until_says("#message", "You said: 10_E5_11 forbidden to match")
+        page.until_says("#known", "10_E5_11 and 11_E5_12 do not match")
+        page.keyboard.press("v")
+        page.until_solved()
+        assert placed(page)["10_E5_11"] == "no evidence"
+        page.keyboard.press("Control+s")
+        page.until_says("#message", "report.html")
+        assert page.errors == []
+
+
+def test_a_hypothesis_shows_where_it_has_a_map(tmp_path: Path) -> None:
+    maps = save(tmp_path / "maps", [two_way_room("a"), two_way_room("b")])
+    with studio(maps, tmp_path / "out") as url, browser() as context:
+        page = Page(context, url)
+        page.until_solved()
+        page.until_says("#hypotheses", "2: b with a")
+        now = page.pose("b")
+        for k in (1, 2):
+            page.hover(f"#hypotheses li:nth-child({k}) button")
+            there = f"app.state.hypotheses[{k - 1}].poses.b"
+            shown = "app.scene.items.find(i => i.name === 'b').pose"
+            page.until(f"JSON.stringify({shown}) === JSON.stringify({there})", 5)
+            assert page.pose("b") == now, "it is only looked at"
+        page.hover("#verdict")
+        page.until(f"JSON.stringify({shown}) === JSON.stringify(app.poses.b)", 5)
+
+
+def test_walls_stand_out_in_the_dark(tmp_path: Path) -> None:
+    grids = [dataclasses.replace(hall(), name=f"hall_{k:02}") for k in range(20)]
+    with (
+        studio(save(tmp_path / "maps", grids), tmp_path / "out") as url,
+        browser(color_scheme="dark") as context,
+    ):
+        page = Page(context, url)
+        page.evaluate("app.act('cancel')")
+        floor = "getComputedStyle(document.documentElement).getPropertyValue('--floor').trim()"
+        red, green, blue = bytes.fromhex(page.evaluate(floor).lstrip("#"))
+        colours = [page.evaluate(f"app.css({k})") for k in range(20)]
+        for colour in colours:
+            assert contrast(colour, f"rgb({red} {green} {blue})") >= 4.5, colour
+        assert len(set(colours)) == 20
+
+
+def test_one_map_says_why_there_are_no_corners(tmp_path: Path) -> None:
+    with studio(save(tmp_path / "maps", [hall()]), tmp_path / "out") as url, browser() as context:
+        page = Page(context, url)
+        page.until_solved()
+        page.until_says("#verdict", "There is one map.")
+        page.select("hall")
+        page.keyboard.press("k")
+        page.until_says("#message", "there is only one here")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import math
@@ -11,9 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapmeld import Known, MapmeldError, OccupancyGrid, SamePoints, merge, se2
+from mapmeld import Known, MapmeldError, OccupancyGrid, SamePoints, merge, read_map, se2
 from mapmeld.grid import UNKNOWN
-from mapmeld.studio import layout
+from mapmeld.known_cells import known_centre
+from mapmeld.result import Hypothesis, HypothesisMap, Pair
+from mapmeld.studio import hypotheses, layout
+from mapmeld.studio.desk import Desk
 from mapmeld.studio.workbench import Busy, Workbench
 from rooms import TRUTH, blank, building, hall, view
 
@@ -84,6 +88,84 @@ def test_the_first_pin_pins_what_lies_below_and_stays(tmp_path: Path) -> None:
     assert bench.state()["maps"][0]["pin"] is None
 
 
+def test_a_map_that_nobody_put_anywhere_is_not_pinned(tmp_path: Path) -> None:
+    bench = workbench([*building(), hall(), blank()], tmp_path)
+    for name in ("hall", "blank", "left"):
+        with pytest.raises(MapmeldError, match=f"pin: {name} lies beside .* drag it onto"):
+            bench.pin(name)
+    bench.solve()
+    before = bench.desk
+    for name in ("hall", "blank"):
+        for sigma in (None, (0.3, 0.3, 0.1)):
+            with pytest.raises(MapmeldError, match=f"pin: {name} lies beside .* drag it onto"):
+                bench.pin(name, sigma)
+    assert bench.desk is before
+    # Nor when other maps are pinned, or when another one was moved; but where it was put, on a map or not.
+    bench.pin("left")
+    with pytest.raises(MapmeldError, match="pin: hall"):
+        bench.pin("hall")
+    bench.move({"blank": (30.0, 1.0, 0.0)})
+    with pytest.raises(MapmeldError, match="pin: hall"):
+        bench.pin("hall")
+    bench.pin("blank")
+    bench.move({"hall": bench.desk.poses["left"]})
+    bench.pin("hall")
+
+
+def test_the_map_that_is_pinned_along_makes_the_world(tmp_path: Path) -> None:
+    bench = workbench(building()[:2], tmp_path)
+    wanted = se2.compose(se2.inverse(TRUTH["left"]), TRUTH["middle"])
+    # Before any solve maps lie at display positions; those are not the world.
+    start = (24.0, -2.28, 0.3)
+    bench.move({"left": start, "middle": tuple(se2.compose(start, wanted))})
+    assert bench.pin("middle") == "left"
+    assert bench.desk.known.pins["left"] == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(bench.desk.known.pins["middle"], wanted, atol=1e-9)
+    assert bench.desk.poses == bench.desk.known.pins
+    bench.solve()
+    placed = {m.name: m.T_component_map for m in bench.desk.result.maps}  # type: ignore[union-attr]
+    np.testing.assert_allclose(placed["left"], 0.0, atol=1e-12)
+    np.testing.assert_allclose(placed["middle"], wanted, atol=1e-9)
+    # A map that is pinned onto a part is pinned in the part's frame, whichever map of it lies below.
+    bench = workbench([*building(), hall()], tmp_path)
+    bench.solve()
+    reference = bench.desk.result.components[0].reference  # type: ignore[union-attr]
+    bench.move({n: tuple(se2.compose(start, T)) for n, T in bench.desk.poses.items()})
+    for below in TRUTH:
+        bench.move({"hall": bench.desk.poses[below]})
+        bench.pin("hall")
+        assert bench.desk.poses[reference] == (0.0, 0.0, 0.0)
+        for _ in range(2):
+            bench.undo()
+
+
+def test_a_save_is_what_is_shown(tmp_path: Path) -> None:
+    bench = workbench([*building(), hall()], tmp_path)
+    bench.solve()
+    bench.save()
+    assert bench.state()["is_saved"]
+    poses = bench.desk.poses
+    bench.move({"left": (9.0, 9.0, 0.0)})
+    assert bench.state()["moved"] == ["left"]
+    assert not bench.state()["is_saved"]
+    with pytest.raises(Busy, match=r"left: moved since the last solve, .* pin what you moved"):
+        bench.save()
+    bench.undo()
+    assert bench.state()["is_saved"]
+    # All of them together still lie as they did to each other.
+    bench.move({n: tuple(se2.compose((5.0, 1.0, 0.7), T)) for n, T in poses.items()})
+    assert bench.state()["moved"] == []
+    bench.save()
+    bench.undo()
+    x, y, theta = poses["left"]
+    bench.move({"left": (x + 0.4, y, theta)})
+    bench.pin("left")
+    bench.solve()
+    bench.save()
+    placed = json.loads((tmp_path / "out" / "result.json").read_text())["maps"][0]
+    assert placed["T_component_map"] == pytest.approx(bench.desk.poses["left"], abs=1e-9)
+
+
 def test_a_soft_pin_gives_way_to_walls(tmp_path: Path) -> None:
     bench = workbench(building(), tmp_path)
     bench.solve()
@@ -130,6 +212,99 @@ def test_choosing_a_hypothesis_makes_the_solve_take_it(tmp_path: Path) -> None:
             bench.undo()
     with pytest.raises(MapmeldError, match="no hypothesis 7"):
         bench.choose(7)
+
+
+def test_choosing_keeps_apart_what_the_hypothesis_leaves_out(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "halmstad_E5_half"
+    grids = [read_map(p) for p in sorted(folder.glob("*.yaml")) if p.stem[:2] in ("00", "01", "10", "11")]
+    bench = workbench(grids, tmp_path)
+    bench.solve()
+    assert len(bench.desk.result.components) == 1  # type: ignore[union-attr]
+    first, second = bench.state()["hypotheses"]
+    assert (first["says"], second["says"]) == ("as it is shown", "10_E5_11 apart")
+    assert (second["poses"], second["apart"]) == ({}, ["10_E5_11"])
+    # What is shown already is not said once more.
+    before = bench.desk
+    with pytest.raises(MapmeldError, match="hypothesis 1 is what is shown already"):
+        bench.choose(0)
+    assert bench.desk is before
+    assert "10_E5_11 forbidden to match" in bench.choose(1)
+    links = {("01_E5_02", "10_E5_11"), ("10_E5_11", "11_E5_12")}
+    assert set(bench.desk.known.forbidden) == links
+    with pytest.raises(MapmeldError, match="said already; solve again"):
+        bench.choose(1)
+    bench.solve()
+    assert status(bench) == dict.fromkeys(("00_E5_01", "01_E5_02", "11_E5_12"), "merged") | {
+        "10_E5_11": "no evidence"
+    }
+    bench.save()
+    saved = json.loads((tmp_path / "out" / "result.json").read_text())["known"]["forbidden"]
+    assert {tuple(pair) for pair in saved} == links
+    # What was said of the map is not overruled silently.
+    for _ in range(2):
+        bench.undo()
+    bench.pin("10_E5_11")
+    with pytest.raises(MapmeldError, match="10_E5_11 apart, and it is pinned; let it go"):
+        bench.choose(1)
+
+
+def test_a_hypothesis_says_how_far_it_has_a_map(tmp_path: Path) -> None:
+    bench = workbench([room("a", (0.0, 0.0, 0.0)), room("b", (3.0, -2.0, 0.4))], tmp_path)
+    bench.solve()
+    assert [h["says"] for h in bench.state()["hypotheses"][:2]] == ["b with a", "b with a"]
+    bench.choose(0)
+    told = bench.state()["hypotheses"]
+    there = told[0]["poses"]["b"]
+    assert there == pytest.approx(bench.desk.poses["b"], abs=1e-6)
+    # Two answers, half a turn apart.
+    assert abs(abs(se2.wrap(told[1]["poses"]["b"][2] - there[2])) - math.pi) < 0.1
+    # A map of a part that was moved by hand is elsewhere to where the hypothesis has it.
+    whole = workbench(building(), tmp_path / "whole")
+    whole.solve()
+    assert whole.state()["hypotheses"][0]["says"] == "as it is shown"
+    x, y, theta = whole.desk.poses["right"]
+    whole.move({"right": (x, y + 4.2, theta)})
+    assert whole.state()["hypotheses"][0]["says"] == "right elsewhere, 4.2 m and 0 degrees off"
+    cx, cy = known_centre(whole.grids["right"])
+    half = se2.compose((cx, cy, math.pi), (-cx, -cy, 0.0))
+    whole.move({"right": tuple(se2.compose((x, y, theta), half))})
+    assert whole.state()["hypotheses"][0]["says"] == "right elsewhere, 0.0 m and 180 degrees off"
+    whole.choose(0)
+    assert whole.desk.poses["right"] == pytest.approx((x, y, theta), abs=0.1)
+
+
+def test_what_no_pin_and_no_forbidden_pair_can_say_is_refused(tmp_path: Path) -> None:
+    bench = workbench([*building(), hall()], tmp_path)
+    bench.solve()
+    desk, result = bench.desk, bench.desk.result
+    assert result is not None
+    centres = {n: known_centre(g) for n, g in bench.grids.items()}
+    first = result.hypotheses[0]
+    places = {m.name: m for m in first.maps}
+
+    def other(*maps: HypothesisMap, pairs: tuple[Pair, ...] = result.pairs) -> Desk:
+        hypothesis = Hypothesis(0.1, maps)
+        told = dataclasses.replace(result, hypotheses=(first, hypothesis), pairs=pairs)
+        return dataclasses.replace(desk, result=told)
+
+    without = other(*(m for n, m in places.items() if n not in ("right", "hall")))
+    assert [str(d) for d in hypotheses.differences(1, without, centres)] == ["right apart"]
+    chosen, said = hypotheses.chosen(1, without, centres)
+    assert said.startswith("right forbidden to match")
+    assert chosen.known.forbidden
+    nothing = other(*(m for n, m in places.items() if n not in ("right", "hall")), pairs=())
+    with pytest.raises(MapmeldError, match="hypothesis 2 has right apart, and it is not walls"):
+        hypotheses.chosen(1, nothing, centres)
+    # Maps in two parts at once: these lie side by side only to be seen, so no pins hold for both.
+    T = places["middle"].T_component_map
+    two = other(
+        places["left"],
+        dataclasses.replace(places["middle"], T_component_map=np.add(T, (3.0, 0.0, 0.0))),
+        HypothesisMap("hall", 1, np.zeros(3)),
+        HypothesisMap("right", 1, np.array((1.0, 0.0, 0.0))),
+    )
+    with pytest.raises(MapmeldError, match="part by part"):
+        hypotheses.chosen(1, two, centres)
 
 
 def test_parts_snap_as_wholes(tmp_path: Path) -> None:
@@ -241,8 +416,16 @@ def test_files_are_whole_or_untouched(tmp_path: Path) -> None:
     with pytest.raises(Busy, match="solve again"):
         bench.save()
     bench.solve()
-    assert bench.save() == ["merged.pgm", "merged.yaml", "report.png", "result.json", "session.json"]
+    assert bench.save() == [
+        "merged.pgm",
+        "merged.yaml",
+        "report.html",
+        "report.png",
+        "result.json",
+        "session.json",
+    ]
     out = tmp_path / "out"
+    assert "left" in (out / "report.html").read_text()
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     bench.forbid("left", "right")
     with pytest.raises(Busy, match="solve again"):

@@ -48,6 +48,24 @@ def box_of(poses: Mapping[str, Pose], grids: Mapping[str, OccupancyGrid], boxes:
     return left, bottom, right, top
 
 
+def most_shared(
+    name: str,
+    others: Mapping[str, Pose],
+    poses: Mapping[str, Pose],
+    grids: Mapping[str, OccupancyGrid],
+    boxes: Mapping[str, Box],
+) -> str | None:
+    """Which of the others lies most under a map, by the boxes of their known cells; None: none does."""
+    own = box_of({name: poses[name]}, grids, boxes)
+    best, most = None, 0.0
+    for n, T in others.items():
+        box = box_of({n: T}, grids, boxes)
+        width, height = min(own[2], box[2]) - max(own[0], box[0]), min(own[3], box[3]) - max(own[1], box[1])
+        if width > 0 and height > 0 and width * height > most:
+            best, most = n, width * height
+    return best
+
+
 def unsolved(grids: Mapping[str, OccupancyGrid], boxes: Mapping[str, Box]) -> dict[str, Pose]:
     """Every map as it is, in rows."""
     return _side_by_side([{n: (0.0, 0.0, 0.0)} for n in grids], grids, boxes, None)

@@ -32,12 +32,17 @@ from mapmeld import _core
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
 from mapmeld.palette import map_colour
-from mapmeld.studio.workbench import SOFT_SIGMA, Busy, Workbench
+from mapmeld.studio.pinning import SOFT_SIGMA
+from mapmeld.studio.saving import Busy
+from mapmeld.studio.workbench import Workbench
 
 PAGE = Path(__file__).parent / "page"
 WRONG_TOKEN = (
     "This address lacks the right token. Copy the whole address that `mapmeld studio` printed; each start "
     "has a token of its own."
+)
+NOT_HERE = (
+    "There is nothing at this address. The workbench's page is the address that `mapmeld studio` printed."
 )
 END = "end"
 """The news that ends a tab's stream of news."""
@@ -189,7 +194,10 @@ def application(bench: Workbench, token: str) -> Starlette:
 
     def wrong(request: Request, error: Exception) -> Response:
         code = error.status_code if isinstance(error, HTTPException) else 500
-        text = WRONG_TOKEN if code == 404 else getattr(error, "detail", str(error))
+        text = getattr(error, "detail", str(error))
+        # Whoever comes here has the right token; starlette's own words for it say nothing.
+        if text == "Not Found":
+            text = NOT_HERE
         return PlainTextResponse(text + "\n", code, _HEADERS)
 
     inside = [

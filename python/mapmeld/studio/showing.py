@@ -11,6 +11,7 @@ import numpy as np
 
 from mapmeld import se2
 from mapmeld.result import MergeResult
+from mapmeld.studio import hypotheses
 from mapmeld.studio.desk import Desk, Solving
 from mapmeld.studio.layout import as_pose
 
@@ -24,7 +25,7 @@ def state(
     steps: tuple[str | None, str | None],
     output: Path,
 ) -> dict[str, Any]:
-    """All but the pairs. steps: what undo and redo would undo and do again."""
+    """All but the pairs and the arrangements. steps: what undo and redo would undo and do again."""
     placed = {} if desk.result is None else {m.name: m for m in desk.result.maps}
     return {
         "maps": [
@@ -42,7 +43,6 @@ def state(
         ],
         "parts": [] if desk.result is None else _parts(desk, desk.result),
         "solve": desk.solve,
-        "hypotheses": [] if desk.result is None else [h.probability for h in desk.result.hypotheses],
         "probability": None if desk.result is None else desk.result.probability,
         "points": [
             {"a": s.a, "b": s.b, "points": [[list(p), list(q)] for p, q in s.points]}
@@ -53,11 +53,29 @@ def state(
         "problem": problem,
         "is_solved": desk.result is not None,
         "is_current": desk.result is not None and desk.solved == desk.known,
+        "moved": desk.moved,
+        "frame": desk.frame,
         "is_saved": is_saved,
         "undo": steps[0],
         "redo": steps[1],
         "output": str(output),
     }
+
+
+def arrangements(desk: Desk, centres: hypotheses.Centres) -> list[dict[str, Any]]:
+    """The hypotheses: what each has otherwise than the bench shows, in words and as poses on the bench."""
+    out: list[dict[str, Any]] = []
+    for k, h in enumerate(() if desk.result is None else desk.result.hypotheses):
+        found = hypotheses.differences(k, desk, centres)
+        out.append(
+            {
+                "probability": h.probability,
+                "says": hypotheses.words(found),
+                "poses": {d.name: list(d.pose) for d in found if d.pose is not None},
+                "apart": [d.name for d in found if d.pose is None],
+            }
+        )
+    return out
 
 
 def pairs(name: str, names: Sequence[str], desk: Desk) -> list[dict[str, Any]]:

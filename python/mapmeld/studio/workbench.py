@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,27 +16,22 @@ from numpy.typing import NDArray
 from mapmeld import _core, se2
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
-from mapmeld.estimate import Prior, checked_pose
+from mapmeld.estimate import checked_pose
 from mapmeld.grid import OccupancyGrid
-from mapmeld.known import Known, Point, SamePoints, told
+from mapmeld.known import Known, Point, SamePoints
 from mapmeld.known_cells import known_centre
 from mapmeld.map_file import MapFile
 from mapmeld.map_yaml import one_line
-from mapmeld.merging import result_of
-from mapmeld.output import OutputFolder, write_merged_maps, write_report, write_result, write_session
 from mapmeld.result import MergeResult
-from mapmeld.session_file import Session
-from mapmeld.studio import layout, showing
+from mapmeld.studio import hypotheses, layout, pinning, showing
 from mapmeld.studio.contradictions import contradictions
 from mapmeld.studio.desk import Desk, History, Solving
 from mapmeld.studio.layout import Pose, as_pose
+from mapmeld.studio.saving import Busy, saved_result, write
+from mapmeld.studio.snapping import neighbours
+from mapmeld.studio.solving import solved
 
-SOFT_SIGMA = (0.3, 0.3, 0.1)
-"""Standard deviations of a soft pin: metres, metres, radians."""
-
-
-class Busy(MapmeldError):
-    """Something else must end first."""
+_Told = TypeVar("_Told")
 
 
 class _Cancelled(Exception):
@@ -65,6 +59,7 @@ class Workbench:
     ) -> None:
         self.grids = {g.name: g for g in grids}
         self.boxes = {n: layout.known_box(g) for n, g in self.grids.items()}
+        self._centres = {n: known_centre(g) for n, g in self.grids.items()}
         self.output = output
         self.changed: Callable[[], object] = lambda: None
         self._force = force
@@ -74,7 +69,7 @@ class Workbench:
         known.check_names(list(self.grids))
         poses: dict[str, Pose] = layout.unsolved(self.grids, self.boxes)
         poses |= {n: p.T_world_map for n, p in known.priors.items()} | dict(known.pins)
-        self._history = History(Desk(poses, known))
+        self._history = History(Desk(poses, known, laid=poses))
         self._lock = threading.RLock()
         self._solving: Solving | None = None
         self._cancel = threading.Event()
@@ -82,6 +77,7 @@ class Workbench:
         self._solves = 0
         self._looks = 0
         self._saved: MergeResult | None = None
+        self._arrangements: tuple[Desk, list[dict[str, Any]]] | None = None
         self._session = _core.Session(json.dumps(self._config))
         # Of its own, so that a snap need not wait for a solve.
         self._snapper = _core.Session(json.dumps(self._config))
@@ -105,9 +101,13 @@ class Workbench:
             # Answers and news may overtake each other on their way: the page goes by the later look.
             self._looks += 1
             look = self._looks
-            is_saved = desk.result is not None and self._saved is desk.result
+            is_saved = desk.result is not None and self._saved is desk.result and not desk.moved
+            # The state is asked for ten times a second; where maps lie changes seldom.
+            if self._arrangements is None or self._arrangements[0] is not desk:
+                self._arrangements = (desk, showing.arrangements(desk, self._centres))
+            told = self._arrangements[1]
         shown = showing.state(list(self.grids), desk, solving, problem, is_saved, (undo, redo), self.output)
-        return {"look": look, **shown}
+        return {"look": look, **shown, "hypotheses": told}
 
     def pairs(self, name: str) -> list[dict[str, Any]]:
         """What the map and each other one say of each other alone, the most probable first."""
@@ -142,18 +142,9 @@ class Workbench:
             self._check(name)
         desk = self.desk
         moved = {n: desk.poses[n] for n in names}
-        near = layout.box_of(moved, self.grids, self.boxes) if moved else None
-        base: dict[str, Pose] = {}
-        for n, T in desk.poses.items():
-            if n in moved or near is None or any(desk.known.is_forbidden(n, m) for m in moved):
-                continue
-            if _touch(near, layout.box_of({n: T}, self.grids, self.boxes)):
-                base[n] = T
+        base, decoy = neighbours(names, desk, self.grids, self.boxes)
         found = None
         if base:
-            pairs = () if desk.result is None else desk.result.pairs
-            across = [p for p in pairs if (p.a in base and p.b in moved) or (p.b in base and p.a in moved)]
-            decoy = max([0.0, *(p.decoy_log_likelihood or 0.0 for p in across)])
             placed = (list(base.items()), list(moved.items()))
             found = self._snapper.snap(*placed, (0.0, 0.0, 0.0), decoy)
         what = names[0] if len(names) == 1 else f"{len(names)} maps"
@@ -172,57 +163,22 @@ class Workbench:
             "log_likelihood": found["log_likelihood"],
             "agreement": found["agreement"],
             "shared_length": found["shared_length"],
-            "onto": self._most_shared(names[0], base, poses),
+            "onto": layout.most_shared(names[0], base, poses, self.grids, self.boxes),
         }
 
-    def choose(self, k: int) -> None:
-        """Takes the k-th hypothesis, from 0, for true: the maps that it places elsewhere than the result
-        tells get soft pins there, the map that it begins with a hard one."""
-        desk = self.desk
-        if desk.result is None or not 0 <= k < len(desk.result.hypotheses):
-            raise MapmeldError(f"choose: there is no hypothesis {k}; solve first")
-        chosen: dict[int, dict[str, Pose]] = {}
-        for m in desk.result.hypotheses[k].maps:
-            chosen.setdefault(m.component, {})[m.name] = as_pose(m.T_component_map)
-        poses: dict[str, Pose] = dict(desk.poses)
-        pins, priors = dict(desk.known.pins), dict(desk.known.priors)
-        components = {m.name: m.component for m in desk.result.maps}
-        for members in chosen.values():
-            lead = next(iter(members))
-            into = se2.compose(desk.poses[lead], se2.inverse(members[lead]))
-            for n, T in members.items():
-                pose = as_pose(se2.compose(into, T))
-                centre = known_centre(self.grids[n])
-                off = math.dist(se2.apply(pose, np.array(centre)), se2.apply(desk.poses[n], np.array(centre)))
-                if (components[n] != components[lead] or off > 0.5) and n not in pins:
-                    pins.setdefault(lead, desk.poses[lead])
-                    priors[n] = Prior(pose, SOFT_SIGMA)
-                    poses[n] = pose
-        known = dataclasses.replace(desk.known, pins=pins, priors=priors)
-        did = f"choose hypothesis {k + 1}"
-        self._do(did, lambda d: dataclasses.replace(d, poses=poses, known=known))
+    def choose(self, k: int) -> str:
+        """Takes the k-th hypothesis, from 0, for true, see hypotheses.chosen; tells what that says. Raises
+        MapmeldError where that is nothing."""
+        return self._tell(f"choose hypothesis {k + 1}", lambda d: hypotheses.chosen(k, d, self._centres))
 
     # What becomes known.
 
     def pin(self, name: str, sigma: Sequence[float] | None = None) -> str | None:
         """Pins a map where it lies; with sigma (metres, metres, radians) softly. A pin says where a map lies
-        to other pins, so the first one pins the map below as well, whose name it tells."""
+        to other pins, so the first one pins the map below as well, whose name it tells. Raises MapmeldError
+        for a map that neither lies on another one nor was moved."""
         self._check(name)
-        desk = self.desk
-        pins, priors = dict(desk.known.pins), dict(desk.known.priors)
-        pins.pop(name, None)
-        priors.pop(name, None)
-        also = None
-        if not pins and not priors and len(self.grids) > 1:
-            others = {n: T for n, T in desk.poses.items() if n != name}
-            also = self._most_shared(name, others, desk.poses) or self._first_other(name)
-            pins[also] = desk.poses[also]
-        if sigma is None:
-            pins[name] = desk.poses[name]
-        else:
-            priors[name] = Prior(desk.poses[name], sigma)
-        self._know(f"pin {name}", pins=pins, priors=priors)
-        return also
+        return self._tell(f"pin {name}", lambda d: pinning.pinned(name, sigma, d, self.grids, self.boxes))
 
     def unpin(self, name: str) -> None:
         """Lets a map go."""
@@ -294,34 +250,28 @@ class Workbench:
             poses = layout.solved(result, desk.poses, self.grids, self.boxes, desk.result is None)
             self._solves += 1
             against = contradictions(result, self.grids)
-            self._end(Desk(poses, known, result, known, self._solves, against, "solve"), None)
+            self._end(
+                Desk(poses, known, result, known, self._solves, against, "solve", poses, desk.frame), None
+            )
 
     def cancel(self) -> None:
         """Ends a solve at its next piece of work."""
         self._cancel.set()
 
     def save(self) -> list[str]:
-        """Writes what `mapmeld merge` writes, and session.json, all or nothing; names of the files.
+        """Writes what `mapmeld merge --report` writes, and session.json, all or nothing; names of the files.
 
-        Raises Busy while a solve runs or when something became known since the last one, MapmeldError when
-        the folder cannot be written to.
+        Raises Busy while a solve runs, and when something became known or was moved since the last one;
+        MapmeldError when the folder cannot be written to.
         """
         with self._lock:
             desk = self._history.now
             if self._solving is not None:
                 raise Busy("a solve is running; wait for it or cancel it, then save")
-            if desk.result is None or desk.solved != desk.known:
-                raise Busy("something has changed since the last solve; solve again, then save")
-        grids = list(self.grids.values())
-        with OutputFolder(self.output, force=self._force) as out:
-            write_merged_maps(out.staged, desk.result)
-            write_report(out.staged, desk.result, grids)
-            write_result(out.staged, desk.result, out.folder)
-            write_session(out.staged, Session.of(grids, self._given, desk.known))
-            files = sorted(p.name for p in out.staged.iterdir())
-            out.commit()
+            result = saved_result(desk)
+        files = write(self.output, self._force, result, list(self.grids.values()), self._given, desk)
         with self._lock:
-            self._saved = desk.result
+            self._saved = result
         self.changed()
         return files
 
@@ -339,13 +289,7 @@ class Workbench:
                 last = time.monotonic()
                 self.changed()
 
-        started = time.perf_counter()
-        found = self._session.merge([], known.core_priors(), progress, known.relations(), known.forbidden)
-        seconds = {**found["seconds"], "merge": time.perf_counter() - started}
-        centres = {n: known_centre(g) for n, g in self.grids.items()}
-        result = told(result_of(found, self._session.names(), self._config, seconds, centres), known)
-        maps = (dataclasses.replace(m, file=self._files.get(m.name)) for m in result.maps)
-        return dataclasses.replace(result, maps=tuple(maps))
+        return solved(self._session, known, progress, self._centres, self._config, self._files)
 
     def _end(self, desk: Desk | None, problem: str | None) -> None:
         with self._lock:
@@ -358,12 +302,17 @@ class Workbench:
         self._do(did, lambda d: dataclasses.replace(d, known=dataclasses.replace(d.known, **changes)))
 
     def _do(self, did: str, change: Callable[[Desk], Desk]) -> None:
+        self._tell(did, lambda d: (change(d), None))
+
+    def _tell(self, did: str, change: Callable[[Desk], tuple[Desk, _Told]]) -> _Told:
         with self._lock:
             if self._solving is not None:
                 raise Busy("a solve is running; wait for it or cancel it")
+            desk, told = change(self._history.now)
             self._problem = None
-            self._history.push(dataclasses.replace(change(self._history.now), did=did))
+            self._history.push(dataclasses.replace(desk, did=did))
         self.changed()
+        return told
 
     def _step(self, by: int) -> None:
         with self._lock:
@@ -376,26 +325,3 @@ class Workbench:
     def _check(self, name: str) -> None:
         if name not in self.grids:
             raise MapmeldError(one_line(f"no map is called {name!r}"))
-
-    def _most_shared(self, name: str, others: Mapping[str, Pose], poses: Mapping[str, Pose]) -> str | None:
-        """Which of the others lies most under a map, by the boxes of their known cells; None: none does."""
-        own = layout.box_of({name: poses[name]}, self.grids, self.boxes)
-        best, most = None, 0.0
-        for n, T in others.items():
-            box = layout.box_of({n: T}, self.grids, self.boxes)
-            width, height = (
-                min(own[2], box[2]) - max(own[0], box[0]),
-                min(own[3], box[3]) - max(own[1], box[1]),
-            )
-            if width > 0 and height > 0 and width * height > most:
-                best, most = n, width * height
-        return best
-
-    def _first_other(self, name: str) -> str:
-        result = self.desk.result
-        order = [] if result is None else [c.reference for c in result.components]
-        return next(n for n in [*order, *self.grids] if n != name)
-
-
-def _touch(a: layout.Box, b: layout.Box) -> bool:
-    return a[0] <= b[2] and b[0] <= a[2] and a[1] <= b[3] and b[1] <= a[3]

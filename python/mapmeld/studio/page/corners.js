@@ -1,5 +1,6 @@
 // Clicking the same corners in two maps: first in the map that shall move, then in the one that stays.
 
+import { hint, say, showScore } from './panel.js';
 import { apply, inverse } from './poses.js';
 
 const NEEDED = 2;
@@ -52,3 +53,50 @@ export class Corners {
   }
 }
 
+
+const button = document.getElementById('corners');
+
+export function startCorners(app) {
+  if (app.state.maps.length < 2) {
+    say('Corners are clicked in two maps, and there is only one here.', 'bad');
+    return;
+  }
+  if (!app.selected) {
+    say('Select the map that shall move first.', 'bad');
+    return;
+  }
+  app.flush();
+  app.corners = new Corners(app.selected);
+  button.setAttribute('aria-pressed', 'true');
+  hint(app.corners.hint);
+  app.scene.canvas.focus();
+  app.scene.ask();
+}
+
+export function endCorners(app) {
+  app.corners = null;
+  button.setAttribute('aria-pressed', 'false');
+  hint(null);
+  app.scene.ask();
+}
+
+export async function clickCorner(app, screen) {
+  const c = app.corners;
+  if (!c.click(app.scene.toWorld(screen), (w, wanted) => app.mapsAt(w, wanted)[0], app.poses)) {
+    say(c.open === null ? `${c.moving} does not lie there.` : `${c.staying ?? 'No other map'} does not lie there.`, 'bad');
+    return;
+  }
+  say('');
+  if (c.isDone) await sendCorners(app);
+  else hint(c.hint);
+  app.scene.ask();
+}
+
+export async function sendCorners(app) {
+  const { moving, staying, pairs } = app.corners;
+  if (!pairs.length) return;
+  endCorners(app);
+  const ok = await app.act('points', { a: staying, b: moving, points: pairs });
+  if (ok) showScore(`${moving} lies where the corners meet ${staying}. Now Snap settles it.`);
+  if (ok && !app.isInView(moving)) app.fit([moving, staying]);
+}

@@ -1,4 +1,6 @@
-// The keyboard: every action has a key, listed under "?".
+// The keyboard: what is done most has a key, listed under "?"; the rest are buttons that Tab comes to.
+
+import { clickCorner, endCorners, sendCorners, startCorners } from './corners.js';
 
 const $ = id => document.getElementById(id);
 const TURN = Math.PI / 180;
@@ -26,8 +28,8 @@ export function listenToKeys(app) {
     }
     if (e.key === 'Enter' && app.corners && focused !== 'BUTTON') {
       const { corners } = app;
-      if (corners.cross) app.clickCorner(corners.cross);
-      else if (corners.pairs.length && corners.open === null) app.sendCorners();
+      if (corners.cross) clickCorner(app, corners.cross);
+      else if (corners.pairs.length && corners.open === null) sendCorners(app);
       return;
     }
     const f = KEYS[e.key.length === 1 ? e.key.toLowerCase() : e.key];
@@ -71,7 +73,7 @@ const KEYS = {
   0: app => app.fit(),
   f: app => app.selected && app.fit(app.moved()),
   s: app => app.snap(),
-  k: app => (app.corners ? app.endCorners() : app.startCorners()),
+  k: app => (app.corners ? endCorners(app) : startCorners(app)),
   p: app => app.pin(false),
   o: app => app.pin(true),
   u: app => app.unpin(),
@@ -81,7 +83,7 @@ const KEYS = {
   n: () => $('names').click(),
   '?': () => $('help').showModal(),
   Escape: app => {
-    if (app.corners) app.endCorners();
+    if (app.corners) endCorners(app);
     else if (app.state.solving) app.act('cancel');
     else app.select(null);
   },

@@ -1,11 +1,13 @@
 // The page: puts the bench, the scene and the panel together.
 
+import { listenToArrangements } from './arrangements.js';
 import { Bench } from './bench.js';
-import { Corners } from './corners.js';
+import { endCorners, startCorners } from './corners.js';
 import { listenToKeys } from './keys.js';
+import { loadMarks } from './marks.js';
 import { overlay } from './overlay.js';
-import { hint, say, show, showPairs, showScore } from './panel.js';
-import { Picture, surface } from './pictures.js';
+import { say, show, showPairs, showScore } from './panel.js';
+import { lifted, Picture } from './pictures.js';
 import { listenToPointer } from './pointer.js';
 import { apply, compose, inverse, turned } from './poses.js';
 import { boxOf, corners, Scene } from './scene.js';
@@ -26,6 +28,7 @@ class App {
     this.moving = null;     // poses that are being changed here and were not sent yet
     this.infos = [];
     this.marksOf = null;
+    this.preview = null;    // the hypothesis that is pointed at
   }
 
   async start() {
@@ -63,7 +66,7 @@ class App {
   /** A map's colour; on a dark ground lighter. */
   rgb(k) {
     const colour = this.infos[k].colour;
-    return dark.matches ? colour.map(c => Math.round(c + 0.45 * (255 - c))) : colour;
+    return dark.matches ? lifted(colour) : colour;
   }
 
   css(k) {
@@ -75,13 +78,24 @@ class App {
     if (this.state && state.look < this.state.look) return;
     const wasSolved = this.state?.is_solved, before = this.state;
     this.state = state;
+    this.preview = null;
     if (!this.moving) this.poses = Object.fromEntries(state.maps.map(m => [m.name, m.pose]));
+    this.follow(before);
     this.arrange();
     show(this);
     const isNew = !before || JSON.stringify([before.maps, before.forbidden]) !== JSON.stringify([state.maps, state.forbidden]);
     if (isNew && this.selected) this.loadPairs();
     if (state.is_solved && !wasSolved && before) this.fit();
-    this.loadConflicts();
+    loadMarks(this);
+  }
+
+  /** Keeps what is seen in place where a first pin gave the bench another frame. */
+  follow(before) {
+    if (!before || before.frame === this.state.frame) return;
+    const name = this.selected ?? this.infos[0].name;
+    const middle = state => this.middle([name], Object.fromEntries(state.maps.map(m => [m.name, m.pose])));
+    const was = middle(before), is = middle(this.state);
+    this.scene.camera = { ...this.scene.camera, x: this.scene.camera.x + is[0] - was[0], y: this.scene.camera.y + is[1] - was[1] };
   }
 
   /** Asks the bench; what goes wrong is told. */
@@ -90,7 +104,8 @@ class App {
     if (name !== 'move' && name !== 'snap') showScore(null);
     try {
       const told = await this.bench.act(name, body);
-      say('');
+      // A solve that was cancelled may be told before the answer comes.
+      say(this.state.problem ?? '', 'bad');
       return told ?? true;
     } catch (error) {
       say(error.message, 'bad');
@@ -109,26 +124,9 @@ class App {
     const all = Number($('opacity-all').value);
     this.scene.items = order.map(k => {
       const { name } = this.infos[k];
-      return { name, picture: this.pictures[name], pose: this.poses[name], opacity: this.opacities[name] ?? all };
+      const opacity = (this.opacities[name] ?? all) * (this.preview?.apart.includes(name) ? 0.2 : 1);
+      return { name, picture: this.pictures[name], pose: this.preview?.poses[name] ?? this.poses[name], opacity };
     });
-    this.scene.stale();
-  }
-
-  async loadConflicts() {
-    const key = JSON.stringify([this.state.solve, this.state.parts.map(p => p.pose), $('conflicts').checked]);
-    if (key === this.marksOf) return;
-    this.marksOf = key;
-    const parts = $('conflicts').checked ? this.state.parts.filter(p => p.conflict_cells > 0 && p.pose) : [];
-    const marks = await Promise.all(parts.map(async part => {
-      const reply = await fetch(this.bench.url(`conflicts/${part.index}.png?solve=${this.state.solve}`));
-      if (!reply.ok) return null;
-      const bitmap = await createImageBitmap(await reply.blob());
-      const canvas = surface(bitmap.width, bitmap.height);
-      canvas.getContext('2d').drawImage(bitmap, 0, 0);
-      return { canvas, pose: compose(part.pose, part.origin), resolution: part.resolution, height: bitmap.height };
-    }));
-    if (this.marksOf !== key) return;
-    this.scene.marks = marks.filter(Boolean);
     this.scene.stale();
   }
 
@@ -144,7 +142,7 @@ class App {
 
   select(name, isListed = false) {
     this.flush();
-    if (this.corners && this.corners.moving !== name) this.endCorners();
+    if (this.corners && this.corners.moving !== name) endCorners(this);
     this.selected = name;
     showScore(null);
     this.arrange();
@@ -242,45 +240,6 @@ class App {
     if (this.state.maps.find(m => m.name === this.selected)?.pin) await this.act('unpin', { name: this.selected });
   }
 
-  startCorners() {
-    if (!this.selected) return say('Select the map that shall move first.', 'bad');
-    if (this.state.maps.length < 2) return;
-    this.flush();
-    this.corners = new Corners(this.selected);
-    $('corners').setAttribute('aria-pressed', 'true');
-    hint(this.corners.hint);
-    this.scene.canvas.focus();
-    this.scene.ask();
-  }
-
-  endCorners() {
-    this.corners = null;
-    $('corners').setAttribute('aria-pressed', 'false');
-    hint(null);
-    this.scene.ask();
-  }
-
-  async clickCorner(screen) {
-    const c = this.corners;
-    if (!c.click(this.scene.toWorld(screen), (w, wanted) => this.mapsAt(w, wanted)[0], this.poses)) {
-      say(c.open === null ? `${c.moving} does not lie there.` : `${c.staying ?? 'No other map'} does not lie there.`, 'bad');
-      return;
-    }
-    say('');
-    if (c.isDone) await this.sendCorners();
-    else hint(c.hint);
-    this.scene.ask();
-  }
-
-  async sendCorners() {
-    const { moving, staying, pairs } = this.corners;
-    if (!pairs.length) return;
-    this.endCorners();
-    const ok = await this.act('points', { a: staying, b: moving, points: pairs });
-    if (ok) showScore(`${moving} lies where the corners meet ${staying}. Now Snap settles it.`);
-    if (ok && !this.isInView(moving)) this.fit([moving, staying]);
-  }
-
   async solve() {
     await this.flush();
     await this.act('solve');
@@ -301,12 +260,12 @@ class App {
     }).map(item => item.name);
   }
 
-  cornersOf(name) {
-    return corners(this.pictures[name].info, this.poses[name]);
+  cornersOf(name, poses = this.poses) {
+    return corners(this.pictures[name].info, poses[name]);
   }
 
-  middle(names) {
-    const [l, b, r, t] = boxOf(names.flatMap(n => this.cornersOf(n)));
+  middle(names, poses = this.poses) {
+    const [l, b, r, t] = boxOf(names.flatMap(n => this.cornersOf(n, poses)));
     return [(l + r) / 2, (b + t) / 2];
   }
 
@@ -326,12 +285,12 @@ window.app = app;
 for (const [id, f] of Object.entries({
   solve: () => app.solve(), cancel: () => app.act('cancel'), undo: () => app.act('undo'),
   redo: () => app.act('redo'), save: () => app.save(), snap: () => app.snap(), pin: () => app.pin(false),
-  soft: () => app.pin(true), corners: () => (app.corners ? app.endCorners() : app.startCorners()), fit: () => app.fit(),
+  soft: () => app.pin(true), corners: () => (app.corners ? endCorners(app) : startCorners(app)), fit: () => app.fit(),
   keys: () => $('help').showModal(), 'use-here': () => { $('elsewhere').close(); app.bench.take(); },
 })) $(id).addEventListener('click', f);
 $('whole').addEventListener('change', e => { app.whole = e.target.checked; app.scene.ask(); });
 $('names').addEventListener('change', () => app.scene.ask());
-$('conflicts').addEventListener('change', () => app.loadConflicts());
+$('conflicts').addEventListener('change', () => loadMarks(app));
 $('opacity').addEventListener('input', e => { app.opacities[app.selected] = Number(e.target.value); app.arrange(); });
 $('opacity-all').addEventListener('input', e => { app.opacities = {}; $('opacity').value = e.target.value; app.arrange(); });
 $('elsewhere').addEventListener('cancel', e => e.preventDefault());
@@ -339,4 +298,5 @@ dark.addEventListener('change', () => { app.colour(); if (app.state) show(app); 
 new ResizeObserver(() => app.scene.resize()).observe($('bench'));
 listenToPointer(app);
 listenToKeys(app);
+listenToArrangements(app);
 app.start().catch(error => say(error.message, 'bad'));

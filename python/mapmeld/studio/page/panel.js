@@ -1,12 +1,14 @@
 // The side panel: lists, numbers and buttons.
 
+import { showArrangements } from './arrangements.js';
+
 const $ = id => document.getElementById(id);
 const APART = new Set(['no evidence', 'ambiguous', 'prior', 'blank']);
 const STAGES = {
   prepare: 'maps prepared', register: 'pairs registered', filter: 'maps placed', join: 'parts joined', fuse: 'maps fused',
 };
 
-function element(tag, attributes = {}, ...children) {
+export function element(tag, attributes = {}, ...children) {
   const e = document.createElement(tag);
   for (const [key, value] of Object.entries(attributes)) {
     if (key === 'onclick') e.addEventListener('click', value);
@@ -50,7 +52,7 @@ export function show(app) {
   if (state.problem) say(state.problem, 'bad');
   showMaps(app);
   showKnown(app);
-  showHypotheses(app);
+  showArrangements(app);
   showSelected(app);
 }
 
@@ -58,12 +60,25 @@ function verdict(state) {
   if (!state.is_solved) return state.solving ? '' : 'Not solved yet: the maps lie side by side.';
   const parts = state.parts.filter(p => p.maps.length);
   const apart = state.maps.filter(m => APART.has(m.status));
-  const text = [parts.length === 1 && !apart.length ? `All ${state.maps.length} maps are one.` : `${state.maps.length} maps, ${parts.length} parts.`];
+  const text = [lie(state.maps, parts.length, apart.length)];
   if (apart.length && parts.length > 1) text.push(`Not placed: ${apart.map(m => m.name).join(', ')}.`);
   const first = state.parts[0];
   if (first?.shared_cells) text.push(`${(100 * first.conflict_cells / first.shared_cells).toFixed(1)} % of the cells that several maps know contradict (C marks them).`);
+  if (state.is_current && state.moved.length) {
+    const names = state.moved.length > 5 ? `${state.moved.length} maps` : state.moved.join(', ');
+    text.push(`Moved since the solve, which Save does not write: ${names}.`);
+  }
   if (!state.is_current) text.push('What you said since then is not in it: solve again.');
   return text.join(' ');
+}
+
+/** How the maps lie, in a sentence. */
+function lie(maps, parts, apart) {
+  if (maps.length === 1) return 'There is one map.';
+  const all = maps.length === 2 ? 'Both maps' : `All ${maps.length} maps`;
+  if (maps.every(m => m.status === 'pinned')) return `${all} lie where they are pinned.`;
+  if (parts === 1 && !apart) return `${all} lie together.`;
+  return `${maps.length} maps, ${parts === 1 ? 'one part' : `${parts} parts`}.`;
 }
 
 function showMaps(app) {
@@ -96,14 +111,6 @@ function showKnown(app) {
   replace($('known').querySelector('ul'), items);
 }
 
-function showHypotheses(app) {
-  const { hypotheses } = app.state;
-  $('hypotheses').hidden = hypotheses.length < 2;
-  replace($('hypotheses').querySelector('ol'), hypotheses.map((p, k) => element('li', {},
-    element('span', {}, `${k + 1}: probability ${p.toFixed(3)}${k === 0 ? ', the one told' : ''}`),
-    element('button', { onclick: () => app.act('choose', { hypothesis: k }), title: 'Pin the maps as this one has them' }, 'Choose'))));
-}
-
 function showSelected(app) {
   const m = app.state.maps.find(x => x.name === app.selected);
   $('selected').hidden = !m;
@@ -118,7 +125,7 @@ function showSelected(app) {
   $('soft').textContent = m.pin === 'soft' ? 'Let go' : 'Soft pin';
   $('soft').setAttribute('aria-pressed', String(m.pin === 'soft'));
   for (const id of ['snap', 'corners', 'pin', 'soft']) $(id).disabled = app.state.solving !== null;
-  $('corners').disabled ||= app.state.maps.length < 2;
+  $('corners').title = app.state.maps.length < 2 ? 'Needs a second map' : 'Click the same two corners in two maps (K)';
 }
 
 /** What the pairs of the selected map say. */
@@ -141,7 +148,7 @@ export function showScore(text) {
 }
 
 /** Puts new children in; the focus stays at the same place of the list. */
-function replace(parent, children) {
+export function replace(parent, children) {
   const at = [...parent.querySelectorAll('button')].indexOf(document.activeElement);
   parent.replaceChildren(...children);
   if (at >= 0) (parent.querySelectorAll('button')[at] ?? parent.closest('section')?.querySelector('button'))?.focus();

@@ -1,5 +1,6 @@
 // Maps as pictures: classes of cells, coloured for the theme, at several sizes so that thin walls stay visible.
 
+const DARKEST = 0.36;   // luminance that walls have at least in the dark theme, 0 to 1
 const UNKNOWN = 0, FREE = 1, OCCUPIED = 2;
 
 /** The picture of one map. */
@@ -74,6 +75,18 @@ function halved({ cells, width, height }) {
     }
   }
   return { cells: out, width: w, height: h };
+}
+
+/** A colour [r, g, b] as light as thin walls on a dark ground need it. It is made stronger first, so that little white
+ *  is needed; what was lighter than another one stays so, by which alone some are told apart. */
+export function lifted(colour) {
+  const strong = colour.map(c => c * Math.sqrt(255 / Math.max(...colour, 1)));
+  const luminance = ([r, g, b]) => 0.2126 * (r / 255) ** 2.2 + 0.7152 * (g / 255) ** 2.2 + 0.0722 * (b / 255) ** 2.2;
+  const wanted = DARKEST + (1 - DARKEST) * luminance(colour);
+  for (let white = 0; ; white += 0.01) {
+    const mixed = strong.map(c => Math.round(c + white * (255 - c)));
+    if (luminance(mixed) >= wanted || white >= 1) return mixed;
+  }
 }
 
 export function surface(width, height) {

@@ -1,5 +1,6 @@
 // Mouse, pen and finger on the canvas.
 
+import { clickCorner } from './corners.js';
 import { handleOf } from './overlay.js';
 
 const STILL = 4;   // pixels that a click may move
@@ -56,7 +57,7 @@ export function listenToPointer(app) {
     }
     if (e.button !== 0) return;
     if (app.corners) {
-      app.clickCorner(from);
+      clickCorner(app, from);
       return;
     }
     // Again at the same place: what lies below.

@@ -24,7 +24,7 @@ DEEP, AMID = 2, 3
 @dataclass(frozen=True, eq=False)
 class Contest:
     """strength: uint8, of each cell of the merged map: 0 no conflict, 1 at the rim of a wall, 2 deep, 3 amid
-    free floor. shares: by name, the share of a map's walls that lie amid the free floor of another map, 0..1."""
+    free floor. shares: by name, the share of a map's walls that lie amid the free floor of another, 0..1."""
 
     strength: NDArray[np.uint8]
     shares: Mapping[str, float]

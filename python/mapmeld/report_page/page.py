@@ -46,8 +46,8 @@ _WORDS = {
 class _MapRow:
     """A row of the table of maps. pose, deviations: metres, metres, degrees, as text; empty where there is
     none. contradicting: share of its walls, as text. link: what connects it to the rest; is_weak: whether
-    that is doubtful. places: of an ambiguous map. help: what would help a map that was left out, empty for the
-    others."""
+    that is doubtful. places: of an ambiguous map. help: what would help a map that was left out, empty for
+    the others."""
 
     index: int
     name: str

@@ -71,6 +71,7 @@ def test_parts_that_no_pair_holds() -> None:
     assert found.weakest is None
     assert found.is_doubtful
     assert "holds 1 map (c) beside the other 2" in bond_words(found)
+    assert bond_words(found).endswith("Look there first. All else hangs together by pairs of 0.900 or more.")
     assert link_words("c", found) == "no pair alone"
 
 

@@ -34,7 +34,10 @@ def contest(layers: Layers, order: Sequence[str], story: Story) -> Contest:
     """order: the maps of the component."""
     merged = layers.merged
     own = {name: _wall_cells(story.grids[name], story.pose(name), merged) for name in order}
-    cells = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *own.values()]))
+    has_wall = np.zeros(merged.data.size, dtype=bool)
+    for walls in own.values():
+        has_wall[walls] = True
+    cells = np.flatnonzero(has_wall)
     centres = merged.cell_centers(cells // merged.width, cells % merged.width)
     against = np.zeros(cells.size, dtype=np.uint8)
     for name in order:
@@ -87,7 +90,11 @@ def _add_free(
     frame = se2.compose(T, np.array(grid.origin))
     sides = np.array([(0, 0), (0, grid.height), (grid.width, 0), (grid.width, grid.height)])
     around = se2.apply(frame, sides * grid.resolution)
-    chosen = np.flatnonzero(((centres >= around.min(axis=0)) & (centres <= around.max(axis=0))).all(axis=1))
+    # The points come row by row: those at the map's height are one piece.
+    low, high = around.min(axis=0), around.max(axis=0)
+    first, last = np.searchsorted(centres[:, 1], (low[1], high[1]))
+    across = centres[first:last, 0]
+    chosen = first + np.flatnonzero((across >= low[0]) & (across <= high[0]))
     row, col, inside = _cells_of(grid, centres[chosen], frame)
     chosen = chosen[inside]
     against[chosen] = np.maximum(against[chosen], depth[row[inside], col[inside]])

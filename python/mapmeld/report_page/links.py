@@ -15,7 +15,7 @@ from mapmeld.report_page.story import Story
 
 SURE = 0.99
 """Probability of a pair alone below which a link counts as doubtful."""
-_MOST_NAMES = 4
+_MOST_NAMES = 8
 
 
 @dataclass(frozen=True)
@@ -94,20 +94,23 @@ def bond(number: int, names: Sequence[str], links: Sequence[Link]) -> Bond:
 def bond_words(bond: Bond) -> str:
     """The weakest link in a sentence."""
     large, small = bond.parts
-    named = f" ({', '.join(small)})" if len(small) <= _MOST_NAMES else ""
+    more = len(small) - _MOST_NAMES
+    named = f" ({', '.join(small[:_MOST_NAMES])}{f' and {more} more' if more > 0 else ''})"
     maps = "map" if len(small) == 1 else "maps"
+    # Rounded down: it is a least value.
+    least = "" if bond.others is None else f"pairs of {math.floor(1000 * bond.others) / 1000:.3f} or more"
     if bond.weakest is None:
+        rest = f" All else hangs together by {least}." if least else ""
         return (
             f"No link of two maps alone holds {len(small)} {maps}{named} beside the other {len(large)}: "
-            "several together do, or what was known before."
+            "what does is several pairs together, a fit that is not their best one, or what was known before. "
+            f"Look there first.{rest}"
         )
     text = f"{bond.weakest.a} with {bond.weakest.b}, {bond.weakest.probability:.3f} alone"
     if bond.others is None:
         return f"The only link: {text}."
-    # Rounded down: it is a least value.
-    least = math.floor(1000 * bond.others) / 1000
     return (
-        f"The weakest link: {text}; all else hangs together by pairs of {least:.3f} or more. Without it the "
+        f"The weakest link: {text}; all else hangs together by {least}. Without it the "
         f"component falls into {len(large)} and {len(small)} {maps}{named}."
     )
 

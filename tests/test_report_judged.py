@@ -278,3 +278,12 @@ def test_a_name_is_not_broken(tab: Any) -> None:
         " return r.getClientRects().length; })"
     )
     assert set(heights) == {1}
+
+
+def test_a_printed_table_of_pairs_repeats_its_heading(tab: Any) -> None:
+    """Chromium repeats no heading that holds boxes of its own."""
+    tab.emulate_media(media="print")
+    shown = tab.locator("#pair-table th button").evaluate_all(
+        "all => all.map(b => getComputedStyle(b).display)"
+    )
+    assert set(shown) == {"contents"}

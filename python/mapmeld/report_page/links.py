@@ -86,7 +86,10 @@ def bond(number: int, names: Sequence[str], links: Sequence[Link]) -> Bond:
         parts = _split(names, part)
         part = {name: a if k == b else k for name, k in part.items()}
     if len(tree) < len(names) - 1:
-        return Bond(number, strongest, None, tree[-1].probability if tree else None, _split(names, part))
+        # Of three parts and more, the rest does not hang together either.
+        is_in_two = tree and len(tree) == len(names) - 2
+        others = tree[-1].probability if is_in_two else None
+        return Bond(number, strongest, None, others, _split(names, part))
     others = tree[-2].probability if len(tree) > 1 else None
     return Bond(number, strongest, tree[-1], others, parts)
 
@@ -103,8 +106,8 @@ def bond_words(bond: Bond) -> str:
         rest = f" All else hangs together by {least}." if least else ""
         return (
             f"No link of two maps alone holds {len(small)} {maps}{named} beside the other {len(large)}: "
-            "what does is several pairs together, a fit that is not their best one, or what was known before. "
-            f"Look there first.{rest}"
+            "what does is several pairs together, a fit that is not their best one, or what was known "
+            f"before. Look there first.{rest}"
         )
     text = f"{bond.weakest.a} with {bond.weakest.b}, {bond.weakest.probability:.3f} alone"
     if bond.others is None:

@@ -174,6 +174,8 @@ def test_best_fits_of_maps_that_are_apart_have_pictures(story: Story) -> None:
     held = bonds(unsure)
     kinds = [m.what for m in matches(unsure, pair_rows(unsure, held), held)]
     assert "not joined; the second best fit" in kinds
+    far = changed(unsure, "left", "hall", runner_up={**second, "log_likelihood": 4.0})
+    assert "not joined; the second best fit" not in [m.what for m in matches(far, pair_rows(far), held)]
 
 
 def test_doubtful_pairs_come_first(story: Story) -> None:

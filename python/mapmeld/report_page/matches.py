@@ -21,6 +21,9 @@ _MOST_LINKS = 6
 _WORTH = 0.05
 """Best fits within a component that lie otherwise than it does are drawn from this probability on."""
 
+_RIVAL = 0.5
+"""Second best fits are drawn that reach this share of the best one's log-likelihood."""
+
 
 @dataclass(frozen=True)
 class Match:
@@ -62,7 +65,8 @@ def matches(story: Story, rows: list[PairRow], bonds: list[Bond]) -> list[Match]
         second = p["runner_up"]
         if "ambiguous" not in (status[p["a"]], status[p["b"]]) or second is None:
             continue
-        if not is_one_place(second["T_a_b"], p["T_a_b"], story.centres[p["b"]]):
+        rivals = (second["log_likelihood"] or 0.0) > _RIVAL * (p["log_likelihood"] or 0.0)
+        if rivals and not is_one_place(second["T_a_b"], p["T_a_b"], story.centres[p["b"]]):
             out.append(_match(p, second["T_a_b"], "not joined; the second best fit", row, story, True))
     return out
 

@@ -27,6 +27,8 @@ def test_merged_maps_name_what_holds_them(result: MergeResult) -> None:
         found = re.match(r"held by (\w+).*: probability ([0-9.]+), ([0-9.]+) m of wall in common", m.reason)
         assert found, m.reason
         assert found[1] in names - {m.name}
+        # The numbers are of one pair: what others there are stands behind them.
+        assert re.fullmatch(r"(; \d+ more pairs? puts? it there too)?", m.reason[found.end() :]), m.reason
         pair = next(p for p in result.pairs if {p.a, p.b} == {m.name, found[1]})
         assert found[2] == f"{pair.probability:.2f}"
         assert found[3] == f"{pair.modes[0].shared_length:.1f}"

@@ -62,7 +62,9 @@ def _merged(name: str, own: Sequence[Pair]) -> str:
         return "held by other maps together"
     best = max(own, key=lambda p: p.probability)
     more = sum(p.status == "merged" for p in own if p is not best)
-    return f"held by {_other(best, name)}{f' and {more} more' if more else ''}: {_evidence(best)}"
+    # The numbers are of the strongest pair alone: the others are not that sure.
+    too = f"; {more} more pair{'s put' if more > 1 else ' puts'} it there too" if more else ""
+    return f"held by {_other(best, name)}: {_evidence(best)}{too}"
 
 
 def _is_told(

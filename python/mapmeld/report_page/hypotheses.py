@@ -42,15 +42,15 @@ class HypothesisPicture:
 def hypothesis_pictures(story: Story) -> list[HypothesisPicture]:
     """In the order of the result: the most probable first."""
     found = story.found["hypotheses"]
-    corners = {name: _corners(grid) for name, grid in story.grids.items()}
-    return [_draw(k, h, found[0], corners, story) for k, h in enumerate(found)]
+    boxes = {name: corners(grid) for name, grid in story.grids.items()}
+    return [_draw(k, h, found[0], boxes, story) for k, h in enumerate(found)]
 
 
 def _draw(
     k: int,
     hypothesis: Mapping[str, Any],
     first: Mapping[str, Any],
-    corners: Mapping[str, NDArray[np.float64]],
+    boxes: Mapping[str, NDArray[np.float64]],
     story: Story,
 ) -> HypothesisPicture:
     changed = {} if k == 0 else changes(first, hypothesis, story)
@@ -60,7 +60,7 @@ def _draw(
     shapes = []
     left, top = 0.0, 0.0
     for members in sorted((c for c in components.values() if len(c) > 1), key=len, reverse=True):
-        points = np.concatenate([se2.apply(m["T_component_map"], corners[m["name"]]) for m in members])
+        points = np.concatenate([se2.apply(m["T_component_map"], boxes[m["name"]]) for m in members])
         low, high = points.min(axis=0), points.max(axis=0)
         shift = np.array([left - low[0], -low[1], 0.0])
         for m in members:
@@ -133,7 +133,7 @@ def _is_same(names: list[str], a: Mapping[str, Any], b: Mapping[str, Any], story
     return np.asarray((np.linalg.norm(at_a - at_b, axis=-1) <= ONE_PLACE[0]) & (turn <= ONE_PLACE[1]))
 
 
-def _corners(grid: OccupancyGrid) -> NDArray[np.float64]:
+def corners(grid: OccupancyGrid) -> NDArray[np.float64]:
     """Of the box around a map's known cells, map coordinates."""
     known = grid.data >= 0
     rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
@@ -16,20 +15,26 @@ from markupsafe import Markup
 from mapmeld.known import Known
 from mapmeld.report_page import charts, raster
 from mapmeld.report_page.advice import advice
+from mapmeld.report_page.headline import headline, title
 from mapmeld.report_page.hypotheses import hypothesis_pictures
+from mapmeld.report_page.links import SURE, Bond, bond_words, bonds, link_words
+from mapmeld.report_page.matches import matches
 from mapmeld.report_page.pairs import pair_rows
+from mapmeld.report_page.places import places_words
 from mapmeld.report_page.story import Story
-from mapmeld.report_page.views import css_colour, views
+from mapmeld.report_page.views import View, css_colour, views
 
 _FEW = 12
 """Up to so many maps, their pictures are drawn finely."""
-_FINE, _COARSE = (1200, 240), (560, 120)
+_FINE, _COARSE = (1200, 320), (560, 240)
 """Most pixels a side of a map's picture, large and small, among few maps and among many."""
 _PAIRS_SHOWN = 40
 """Rows of the table of pairs that need no click; all of them are in the page."""
+_LONG_NAME = 28
+"""Longer names may be broken where they do not fit."""
 _WORDS = {
     "merged": "merged: lies with the others",
-    "ambiguous": "ambiguous: belongs to others, but fits in more than one place; kept apart",
+    "ambiguous": "ambiguous: belongs to others, but its place is not sure; kept apart",
     "no evidence": "no evidence: shares too little with any other map; kept apart",
     "blank": "blank: nothing is known in it",
     "prior": "prior: placed by what was told, not by its walls",
@@ -40,7 +45,9 @@ _WORDS = {
 @dataclass(frozen=True)
 class _MapRow:
     """A row of the table of maps. pose, deviations: metres, metres, degrees, as text; empty where there is
-    none. help: what would help a map that was left out, empty for the others."""
+    none. contradicting: share of its walls, as text. link: what connects it to the rest; is_weak: whether
+    that is doubtful. places: of an ambiguous map. help: what would help a map that was left out, empty for
+    the others."""
 
     index: int
     name: str
@@ -51,7 +58,11 @@ class _MapRow:
     status: str
     words: str
     probability: str
+    contradicting: str
+    link: str
+    is_weak: bool
     reason: str
+    places: str
     help: str
 
 
@@ -59,8 +70,11 @@ def page(story: Story) -> str:
     """The page as HTML."""
     found = story.found
     large, small = _FINE if len(found["maps"]) <= _FEW else _COARSE
-    rows = pair_rows(story)
-    maps = list(_map_rows(story))
+    held = bonds(story)
+    rows = pair_rows(story, held)
+    shown = views(story)
+    maps = list(_map_rows(story, held, shown))
+    n = len(maps)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("mapmeld.report_page", "."),
         autoescape=True,
@@ -69,19 +83,26 @@ def page(story: Story) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["number"] = _number
+    environment.filters["long"] = lambda name: "long" if len(name) > _LONG_NAME else ""
     environment.filters["percent"] = lambda v: "" if v is None else f"{100 * v:.0f} %"
     seconds = {stage: s for stage, s in found["seconds"].items() if s is not None}
     return environment.get_template("template.html").render(
-        title=_title(story),
+        style=_own(environment, "style.css"),
+        script=_own(environment, "page.js"),
+        title=title(story),
+        headline=headline(story),
         found=found,
         known=Known.from_dict(found["known"], "known").lines() if found.get("known") else [],
-        views=views(story),
+        views=shown,
+        bonds={b.component: (bond_words(b), b.is_doubtful) for b in held},
         maps=maps,
         left_out=[m for m in maps if m.help],
         pictures=[raster.of_map(g, i, large) for i, g in enumerate(story.grids.values())],
         thumbs=[raster.of_map(g, i, small) for i, g in enumerate(story.grids.values())],
         pairs=rows,
         pairs_shown=_PAIRS_SHOWN,
+        pairs_there_are=n * (n - 1) // 2,
+        matches=matches(story, rows, held),
         pairs_json=_script([[_json_cell(v) for v in astuple(r)] for r in rows[_PAIRS_SHOWN:]]),
         hypotheses=hypothesis_pictures(story),
         filters=[_filter(k, c) for k, c in enumerate(found["components"]) if c["steps"]],
@@ -91,25 +112,15 @@ def page(story: Story) -> str:
     )
 
 
-def _title(story: Story) -> str:
-    """What came of it, in one line."""
-    found = story.found
-    count = Counter(m["status"] for m in found["maps"])
-    n, k = len(found["maps"]), sum(len(c["order"]) > 1 for c in found["components"])
-    largest = len(found["components"][0]["order"])
-    if n == 1:
-        return "One map, nothing to merge"
-    if largest == n:
-        return "Both maps are one" if n == 2 else f"All {n} maps are one"
-    if k == 0:
-        return f"None of {n} maps merged"
-    together = sum(len(c["order"]) for c in found["components"] if len(c["order"]) > 1)
-    text = f"{together} of {n} maps are {'one' if k == 1 else f'{k} merged maps'}"
-    rest = [f"{count[s]} {s}" for s in ("ambiguous", "no evidence", "blank") if count[s]]
-    return "; ".join([text, *rest])
+def _own(environment: jinja2.Environment, name: str) -> Markup:
+    """A file beside the template, as it is."""
+    assert environment.loader is not None, "it was given one"
+    return Markup(environment.loader.get_source(environment, name)[0])
 
 
-def _map_rows(story: Story) -> Iterator[_MapRow]:
+def _map_rows(story: Story, held: Sequence[Bond], shown: Sequence[View]) -> Iterator[_MapRow]:
+    bond_of = {b.component: b for b in held}
+    contradicting = {name: share for v in shown for name, share in v.contradicting.items()}
     parts = story.found["components"]
     left_out = {m["name"] for m in story.left_out}
     for i, m in enumerate(story.found["maps"]):
@@ -125,6 +136,7 @@ def _map_rows(story: Story) -> Iterator[_MapRow]:
             deviations = (f"{sx:.3f}", f"{sy:.3f}", f"{math.degrees(st):.2f}")
         # A map alone was placed by nobody: there is nothing to be sure of.
         is_alone = len(parts[m["component"]]["order"]) == 1
+        bond = bond_of.get(m["component"])
         yield _MapRow(
             i,
             m["name"],
@@ -135,9 +147,19 @@ def _map_rows(story: Story) -> Iterator[_MapRow]:
             m["status"],
             _WORDS.get(m["status"], m["status"]),
             "" if is_alone else f"{m['probability']:.3f}",
+            "" if is_alone else f"{100 * contradicting.get(m['name'], 0.0):.1f} %",
+            "" if bond is None else link_words(m["name"], bond),
+            bond is not None and _is_weak(m["name"], bond),
             m["reason"],
+            places_words(m["name"], story) if m["status"] == "ambiguous" else "",
             advice(m, story) if m["name"] in left_out else "",
         )
+
+
+def _is_weak(name: str, bond: Bond) -> bool:
+    link, weakest = bond.strongest.get(name), bond.weakest
+    ends = () if weakest is None or weakest.probability >= SURE else (weakest.a, weakest.b)
+    return link is None or link.probability < SURE or name in ends
 
 
 def _filter(k: int, component: Mapping[str, Any]) -> dict[str, Any]:

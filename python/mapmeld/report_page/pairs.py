@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from mapmeld.frames import is_one_place
 from mapmeld.reasons import Lack, lack_of
+from mapmeld.report_page.links import Bond, bonds
 from mapmeld.report_page.story import Story
+
+_LEAST = 1e-9
+"""Probabilities are told apart as far as this from 0 and 1."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +38,20 @@ class PairRow:
     over_decoy: float | None
 
 
-def pair_rows(story: Story) -> list[PairRow]:
-    """All pairs, the most probable first."""
-    found = story.found["pairs"]
-    found = sorted(found, key=lambda p: (-p["probability"], -(p["log_likelihood"] or 0.0), p["a"], p["b"]))
-    return [_row(p, story) for p in found]
+def pair_rows(story: Story, held: Sequence[Bond] | None = None) -> list[PairRow]:
+    """All pairs, the doubtful ones first: the weakest link of each component, then those whose probability is
+    nearest to the one that is asked for, in log odds. held: the components' bonds, None to find them here."""
+    held = bonds(story) if held is None else held
+    weakest = {(b.weakest.a, b.weakest.b): b for b in held if b.weakest is not None}
+    asked = _log_odds(story.found["config"]["evidence"]["min_probability"])
+
+    def doubt(p: Mapping[str, Any]) -> tuple[Any, ...]:
+        distance = abs(_log_odds(p["probability"]) - asked)
+        is_link = (p["a"], p["b"]) in weakest
+        return not is_link, p["T_a_b"] is None, distance, -(p["log_likelihood"] or 0.0), p["a"], p["b"]
+
+    found = sorted(story.found["pairs"], key=doubt)
+    return [_row(p, story, weakest.get((p["a"], p["b"]))) for p in found]
 
 
 def lack(pair: Mapping[str, Any], story: Story) -> Lack:
@@ -51,17 +65,25 @@ def lack(pair: Mapping[str, Any], story: Story) -> Lack:
     return lack_of(length, hits, conflicts, direction, likelihood, rival)
 
 
-def _row(pair: Mapping[str, Any], story: Story) -> PairRow:
+def _log_odds(probability: float) -> float:
+    p = min(max(probability, _LEAST), 1 - _LEAST)
+    return math.log(p / (1 - p))
+
+
+def _row(pair: Mapping[str, Any], story: Story, weakest_of: Bond | None) -> PairRow:
     has_mode = pair["T_a_b"] is not None
     likelihood, decoy, second = pair["log_likelihood"], pair["decoy_log_likelihood"], pair["runner_up"]
     rival = None if second is None else second["log_likelihood"]
     wall = (pair["hits"] or 0.0) + (pair["conflicts"] or 0.0)
+    why = _why(pair, story) if has_mode else "no motion puts walls on walls"
+    if weakest_of is not None:
+        why = f"the weakest link of component {weakest_of.component}: {why}"
     return PairRow(
         pair["a"],
         pair["b"],
         pair["status"],
         pair["probability"],
-        _why(pair, story) if has_mode else "no motion puts walls on walls",
+        why,
         pair["candidates"],
         pair["modes"],
         pair["shared_length"],

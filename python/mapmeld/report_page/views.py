@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mapmeld import se2
 from mapmeld.palette import map_colour
 from mapmeld.report_page import raster
+from mapmeld.report_page.contest import AMID, DEEP, contest, near_to
 from mapmeld.report_page.raster import Picture
 from mapmeld.report_page.story import Layers, Story
 
@@ -23,7 +24,10 @@ _COLOURS = 20
 """Colours of maps before they come again."""
 _FAR = 0.25
 """An origin farther outside its component than this share of the component's size is not walked to."""
-_WALL, _FLOOR, _CONFLICT = (38, 42, 48, 255), (255, 255, 255, 255), (214, 20, 40, 215)
+_WALL, _FLOOR = (38, 42, 48, 255), (255, 255, 255, 255)
+_STRENGTHS = [(240, 190, 60, 150), (226, 120, 0, 220), (214, 20, 40, 240)]
+_FEW_CONFLICTS = 0.02
+"""Share of the walls up to which the strongest conflicts are drawn with their neighbours, to be seen."""
 NINETY_FIVE_PERCENT = math.sqrt(5.991)
 """Standard deviations at which an ellipse holds 95 of 100, in two dimensions."""
 
@@ -61,8 +65,9 @@ class Member:
 class View:
     """A component of several maps.
 
-    box: what is seen. low: the pictures' lower left corner. size: of a number, metres. legs: of the virtual
-    robot's way, in the order of the merge.
+    deep_cells, amid_cells: of the conflicts, those that lie so. contradicting: share of each map's walls that
+    lie amid the free floor of another, 0..1. box: what is seen. low: the pictures' lower left corner. size:
+    of a number, metres. legs: of the virtual robot's way, in the order of the merge.
     """
 
     number: int
@@ -75,6 +80,9 @@ class View:
     walls: Picture
     provenance: Picture
     conflicts: Picture
+    deep_cells: int
+    amid_cells: int
+    contradicting: Mapping[str, float]
     legs: list[tuple[tuple[float, float], tuple[float, float]]]
     facts: Mapping[str, Any]
 
@@ -97,7 +105,7 @@ def _view(k: int, component: Mapping[str, Any], layers: Layers, story: Story) ->
     size = max(width, height)
     members = [_member(name, component, (x, y, width, height), story) for name in component["order"]]
     # A picture's last pixels may reach past the grid; numbers at the edge need room.
-    pad = 0.025 * size
+    pad = 0.04 * size
     left = min([x, *(m.x for m in members)]) - pad
     bottom = min([y, *(m.y for m in members)]) - pad
     right = max([x + width, *(m.x for m in members)]) + pad
@@ -105,6 +113,7 @@ def _view(k: int, component: Mapping[str, Any], layers: Layers, story: Story) ->
 
     cells, pixel = raster.classes(merged, most)
     clear = raster.CLEAR
+    found = contest(layers, component["order"], story)
     return View(
         number=k,
         members=members,
@@ -115,7 +124,10 @@ def _view(k: int, component: Mapping[str, Any], layers: Layers, story: Story) ->
         floor=raster.picture((cells > 0).astype(np.uint8), pixel, [clear, _FLOOR]),
         walls=raster.picture((cells == 2).astype(np.uint8), pixel, [clear, _WALL]),
         provenance=_provenance(layers, component["order"], story, most, pixel),
-        conflicts=raster.picture(_grown(layers.conflicts, most), pixel, [clear, _CONFLICT]),
+        conflicts=_conflicts(layers, found.strength, most, pixel),
+        deep_cells=int((found.strength == DEEP).sum()),
+        amid_cells=int((found.strength == AMID).sum()),
+        contradicting=found.shares,
         legs=[((a.x, a.y), (b.x, b.y)) for a, b in pairwise(members)],
         facts=component,
     )
@@ -132,15 +144,13 @@ def _provenance(layers: Layers, order: Sequence[str], story: Story, most: int, p
     return raster.picture(raster.shrunk(cells, most), pixel, palette)
 
 
-def _grown(cells: NDArray[np.bool_], most: int) -> NDArray[np.uint8]:
-    """Single cells would not be seen: each takes its neighbours."""
-    small = raster.shrunk(cells.astype(np.uint8), most)
-    out = small.copy()
-    out[1:] |= small[:-1]
-    out[:-1] |= small[1:]
-    out[:, 1:] |= small[:, :-1]
-    out[:, :-1] |= small[:, 1:]
-    return out
+def _conflicts(layers: Layers, strength: NDArray[np.uint8], most: int, pixel: float) -> Picture:
+    """Single cells would not be seen, so the strongest take their neighbours. Where these are many they are
+    seen without, and would hide all walls so."""
+    cells, amid = strength.copy(), strength == AMID
+    if amid.sum() <= _FEW_CONFLICTS * (layers.merged.data >= raster.OCCUPIED_FROM).sum():
+        cells[near_to(amid, 1)] = AMID
+    return raster.picture(raster.shrunk(cells, most), pixel, [raster.CLEAR, *_STRENGTHS])
 
 
 def _member(name: str, component: Mapping[str, Any], box: Box, story: Story) -> Member:

@@ -14,7 +14,7 @@ use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
 /// Samples that the very first look at a candidate takes.
-const BRIEF_SAMPLES: usize = 32;
+const BRIEF_SAMPLES: usize = 64;
 /// Samples that a longer look takes.
 const LONGER_SAMPLES: usize = 200;
 /// Samples of each map that the first steps uphill follow.

@@ -16,6 +16,7 @@ use crate::prior::Prior;
 use crate::refine;
 use crate::result::Known;
 use crate::se2::Se2;
+use crate::support;
 use nalgebra::Matrix3;
 
 /// Most arrangements of a cluster that are carried on.
@@ -58,11 +59,12 @@ impl Cluster {
     /// not, each with the maps that lie sure in relation to it. Each is refined.
     pub fn of_travel(
         maps: &[LocalMap],
-        stories: Vec<World>,
-        steps: Vec<Step>,
+        pairs: &PairTable,
+        (mut stories, steps): (Vec<World>, Vec<Step>),
         known: &Known,
         config: &Config,
     ) -> Vec<Cluster> {
+        support::doubt(maps, pairs, &mut stories[0], known, config.evidence.min_probability);
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability);
         // What lies alone where all others were split off is as unsure as they are.
         let next = parts.get(1).map(|(_, share)| *share);
@@ -152,9 +154,9 @@ impl Cluster {
     /// left alone stays what it is.
     pub fn join(
         maps: &[LocalMap],
+        pairs: &PairTable,
         clusters: &[Cluster],
-        worlds: &[World],
-        steps: Vec<Step>,
+        (worlds, steps): (&[World], Vec<Step>),
         known: &Known,
         config: &Config,
     ) -> Vec<Cluster> {
@@ -192,7 +194,7 @@ impl Cluster {
         let mut all_steps: Vec<Step> =
             worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
         all_steps.extend(steps);
-        Self::of_travel(maps, joined, all_steps, known, config)
+        Self::of_travel(maps, pairs, (joined, all_steps), known, config)
     }
 }
 

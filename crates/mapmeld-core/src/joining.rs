@@ -134,7 +134,9 @@ fn travel_among(
     }
     let joined: Vec<Cluster> = travelled
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::join(maps, clusters, &worlds, steps, known, config))
+        .flat_map(|(worlds, steps)| {
+            Cluster::join(maps, of_maps, clusters, (&worlds, steps), known, config)
+        })
         .collect();
     // What is split off again has not joined.
     Ok((joined.len() < clusters.len()).then_some(joined))

@@ -59,6 +59,7 @@ pub mod sparse;
 pub mod standing;
 pub mod stored;
 pub mod structure;
+mod support;
 pub mod verdict;
 pub mod vicinity;
 pub mod virtual_robot;

@@ -114,7 +114,7 @@ fn run(
     };
     let mut clusters: Vec<Cluster> = travel(robot, known, observer, (listener, None))?
         .into_iter()
-        .flat_map(|(worlds, steps)| Cluster::of_travel(maps, worlds, steps, known, config))
+        .flat_map(|travelled| Cluster::of_travel(maps, &pairs, travelled, known, config))
         .collect();
     clock.lap("filter");
     tell(listener, || Event::refined(&clusters));

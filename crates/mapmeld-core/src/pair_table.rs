@@ -81,6 +81,17 @@ impl PairTable {
             .collect()
     }
 
+    /// The pairs of a map that alone would be merged: the other map, `T_map_other` of the best mode, and its
+    /// probability.
+    pub fn carried(&self, map: usize) -> impl Iterator<Item = (usize, Se2, f64)> + '_ {
+        self.at[map].iter().filter_map(move |(other, k)| {
+            let p = &self.pairs[*k as usize];
+            let t_a_b = p.found.modes.first().filter(|_| p.status == Status::Merged)?.t_a_b;
+            let t = if p.a == map { t_a_b } else { t_a_b.inverse() };
+            Some((*other as usize, t, p.probability))
+        })
+    }
+
     /// The best log-likelihood that the mirror image of one of the maps reaches on the other; where it was not
     /// tried, what the modes reach, none of which stands: that is chance as well. Zero of pairs not registered.
     pub fn decoy(&self, a: usize, b: usize) -> f64 {

@@ -35,8 +35,8 @@ pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Kn
             false => 1.0 - certainty,
         }
     };
-    let unplaced = world.poses.iter().zip(&mut world.certainties).skip(1);
-    for ((m, x), certainty) in unplaced.filter(|((m, _), _)| !is_told(*m)) {
+    let others = world.poses.iter().zip(&mut world.certainties).skip(1);
+    for ((m, x), certainty) in others.filter(|((m, _), _)| !is_told(*m)) {
         let carried = pairs.carried(*m).map(|(other, t, p)| (there(x, other, &t), p));
         let (mut highest, mut least_of_all) = (0.0_f64, 1.0_f64);
         for (there, p) in carried {

@@ -126,6 +126,7 @@ def measure(what: dict[str, Any]) -> dict[str, Any]:
         "candidates": sum(p.candidates for p in result.pairs),
         "seconds": seconds,
         "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+        "parts": len(result.components),
         "right": right,
         "wrong": wrong,
     }
@@ -166,6 +167,7 @@ def _table(runs: Sequence[dict[str, Any]]) -> str:
             r["candidates"],
             *(f"{r['seconds'].get(s, 0.0):.2f}" for s in stages),
             f"{r['peak_gb']:.2f}",
+            r["parts"],
             r["right"],
             r["wrong"],
         )
@@ -179,6 +181,7 @@ def _table(runs: Sequence[dict[str, Any]]) -> str:
         "candidates",
         *(f"{s} s" for s in stages),
         "peak GB",
+        "parts",
         "right",
         "wrong",
     )

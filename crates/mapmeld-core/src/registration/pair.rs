@@ -96,11 +96,14 @@ fn find_tops(
     let distance =
         r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
+    // Either map alone may mistake much: where it was crossed by people, or shows little.
     let coarsely = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
-        let stride = (mb.probes.len() / samples).max(1);
+        let (stride_a, stride_b) = (ma.stride(samples / 2), mb.stride(samples / 2));
         let score = |c: &Candidate| {
-            let axes = Axes::new(&axes_of(&ma.grid, &mb.grid, &c.t_a_b));
-            ma.coarse.score(mb.probes.iter().step_by(stride), &axes)
+            let axes = axes_of(&ma.grid, &mb.grid, &c.t_a_b);
+            let (to_a, to_b) = (Axes::new(&axes), Axes::new(&axes.inverse()));
+            stride_b as f32 * ma.coarse.score(mb.probes.iter().step_by(stride_b), &to_a)
+                + stride_a as f32 * mb.coarse.score(ma.probes.iter().step_by(stride_a), &to_b)
         };
         found.into_iter().map(|c| (f64::from(score(&c)), c)).collect()
     };
@@ -122,10 +125,8 @@ fn find_tops(
     looked_at.truncate(10 * shortlist);
     let looked_at = looked_at.into_iter().map(|(_, c)| c).collect();
     let mut begun = distinct(coarsely(looked_at, LONGER_SAMPLES), 2 * shortlist);
-    begun.extend(distinct(
-        correlated.into_iter().map(|(s, c)| (s.into(), c)).collect(),
-        2 * shortlist,
-    ));
+    let correlated = correlated.into_iter().map(|(_, c)| c).collect();
+    begun.extend(distinct(coarsely(correlated, LONGER_SAMPLES), 2 * shortlist));
     let first = Climb { samples: FIRST_SAMPLES, steps: FIRST_STEPS, scale: wide };
     let begun = climbed(&begun, &first, &rigid[rigid.len() / 2]);
 
@@ -137,13 +138,15 @@ fn find_tops(
         let mut shortlisted = distinct(finely(&begun, 2 * FIRST_SAMPLES, p), shortlist / 2);
         shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
         let climb = Climb { samples: CLIMB_SAMPLES, steps: r.max_iterations, scale: wide };
-        let at_top = climbed(&shortlisted, &climb, p);
+        let mut at_top = climbed(&shortlisted, &climb, p);
+        at_top.extend(shortlisted);
         tops.extend(distinct(finely(&at_top, 2 * CLIMB_SAMPLES, p), max_modes));
     }
     let at_each = rigid.iter().map(|rigid| {
         let few = distinct(finely(&tops, FINAL_SAMPLES, rigid), max_modes);
         let climb = Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0 };
-        let at_top = climbed(&few, &climb, rigid);
+        let mut at_top = climbed(&few, &climb, rigid);
+        at_top.extend(few);
         distinct(finely(&at_top, 2 * FINAL_SAMPLES, rigid), max_modes)
     });
     (candidates, at_each.collect())

@@ -77,6 +77,12 @@ impl Axes {
         Self { c: c as f32, s: s as f32, x: t.x as f32, y: t.y as f32, turn: turn(t.theta) }
     }
 
+    /// The pose of the other grid's axes in this one's.
+    pub fn inverse(&self) -> Self {
+        let (x, y) = (self.c * self.x + self.s * self.y, self.c * self.y - self.s * self.x);
+        Self { c: self.c, s: -self.s, x: -x, y: -y, turn: self.turn.wrapping_neg() }
+    }
+
     /// A point.
     #[inline(always)]
     pub fn apply(&self, x: f32, y: f32) -> (f32, f32) {
@@ -135,5 +141,13 @@ mod tests {
         let got = axes.apply(point.x as f32, point.y as f32);
         assert!((f64::from(got.0) - expected.x).abs() < 1e-5);
         assert!((f64::from(got.1) - expected.y).abs() < 1e-5);
+        let back = axes.inverse().apply(got.0, got.1);
+        assert!((back.0 - point.x as f32).abs() < 1e-4 && (back.1 - point.y as f32).abs() < 1e-4);
+        for k in 0..8u16 {
+            // Away from the edges between octants.
+            let direction = k * 8192 + 700;
+            let there = direction.wrapping_add(axes.turn);
+            assert_eq!(axes.inverse().octant(there), octant(direction));
+        }
     }
 }

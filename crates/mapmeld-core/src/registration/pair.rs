@@ -13,7 +13,9 @@ use crate::verdict::{self, Background};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
-/// Samples that the very first look at a candidate takes.
+/// Samples of both maps together that the very first look at a candidate takes.
+const GLIMPSE_SAMPLES: usize = 24;
+/// Samples that a second look takes.
 const BRIEF_SAMPLES: usize = 64;
 /// Samples that a longer look takes.
 const LONGER_SAMPLES: usize = 200;
@@ -100,10 +102,10 @@ fn find_tops(
     let coarsely = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
         let (stride_a, stride_b) = (ma.stride(samples / 2), mb.stride(samples / 2));
         let score = |c: &Candidate| {
-            let axes = axes_of(&ma.grid, &mb.grid, &c.t_a_b);
-            let (to_a, to_b) = (Axes::new(&axes), Axes::new(&axes.inverse()));
-            stride_b as f32 * ma.coarse.score(mb.probes.iter().step_by(stride_b), &to_a)
-                + stride_a as f32 * mb.coarse.score(ma.probes.iter().step_by(stride_a), &to_b)
+            let axes = Axes::new(&axes_of(&ma.grid, &mb.grid, &c.t_a_b));
+            let of_b = ma.coarse.score(mb.probes.iter().step_by(stride_b), &axes);
+            let of_a = mb.coarse.score(ma.probes.iter().step_by(stride_a), &axes.inverse());
+            stride_b as f32 * of_b + stride_a as f32 * of_a
         };
         found.into_iter().map(|c| (f64::from(score(&c)), c)).collect()
     };
@@ -118,15 +120,17 @@ fn find_tops(
     let wide = climb::wide(ma, mb);
     let rigid: Vec<PerceptionConfig> = rungs.iter().map(PerceptionConfig::rigid).collect();
 
-    // Narrowing down: all are looked at briefly, many longer, fewer are led a few steps uphill, the best climb to
+    // Narrowing down: all are looked at briefly, some longer, fewer are led a few steps uphill, the best climb to
     // the top.
-    let mut looked_at = coarsely(found, BRIEF_SAMPLES);
-    looked_at.sort_by(|x, y| y.0.total_cmp(&x.0));
-    looked_at.truncate(10 * shortlist);
-    let looked_at = looked_at.into_iter().map(|(_, c)| c).collect();
-    let mut begun = distinct(coarsely(looked_at, LONGER_SAMPLES), 2 * shortlist);
-    let correlated = correlated.into_iter().map(|(_, c)| c).collect();
-    begun.extend(distinct(coarsely(correlated, LONGER_SAMPLES), 2 * shortlist));
+    let best = |found: Vec<Candidate>, samples: usize, keep: usize| -> Vec<Candidate> {
+        let mut scored = coarsely(found, samples);
+        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+        scored.into_iter().take(keep).map(|(_, c)| c).collect()
+    };
+    let glimpsed = best(found, GLIMPSE_SAMPLES, 30 * shortlist);
+    let mut looked_at = best(glimpsed, BRIEF_SAMPLES, 8 * shortlist);
+    looked_at.extend(correlated.into_iter().map(|(_, c)| c));
+    let begun = distinct(coarsely(looked_at, LONGER_SAMPLES), 3 * shortlist / 2);
     let first = Climb { samples: FIRST_SAMPLES, steps: FIRST_STEPS, scale: wide };
     let begun = climbed(&begun, &first, &rigid[rigid.len() / 2]);
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import secrets
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -179,7 +178,7 @@ def _encode(pixels: NDArray[np.uint8], image_format: ImageFormat) -> bytes:
 
 def _replace_file(path: Path, content: bytes) -> None:
     """Writes beside `path` and renames, so that `path` holds the old content or the new, never a part."""
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(8)}.tmp")
+    draft = path.with_name(f".{path.name}.{os.urandom(8).hex()}.tmp")
     try:
         try:
             # "x" and not tempfile: the file gets the permissions of any new file, not the owner's alone.

@@ -59,7 +59,8 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
         image = read_map_image(fields.image)
     except MapFileError as error:
         raise MapFileError(one_line(f"{yaml_path}: {error}")) from error
-    cells = _cell_of_level(fields, image.full_scale)[image.levels]
+    # np.take and not [...], which makes indices of eight bytes of the levels first.
+    cells = np.take(_cell_of_level(fields, image.full_scale), image.levels)
     if image.opaque is not None and fields.mode != "raw":
         cells[~image.opaque] = UNKNOWN
     return OccupancyGrid(cells[::-1], fields.resolution, fields.origin, yaml_path.stem)

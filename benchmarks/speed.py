@@ -95,6 +95,7 @@ def _limits(pairs: Sequence[MapPair]) -> list[str]:
         "Processor time of one thread; other load on the machine lengthens it, since caches are shared.",
         "A registration finds the modes of all sources at each degree of bending, those of the mirror image, "
         "their evidence and the features of the verdict, on prepared maps.",
+        "What a command costs of its own is its median wall time, Python's files compiled, less the core's.",
     ]
 
 

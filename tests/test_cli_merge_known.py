@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from mapmeld.cli import app
+from mapmeld.cli import build_app
 from rooms import building, save
 
 
 def run(*args: str) -> tuple[int, str]:
-    found = CliRunner().invoke(app, ["merge", *args])
+    found = CliRunner().invoke(build_app(), ["merge", *args])
     return found.exit_code, found.output
 
 

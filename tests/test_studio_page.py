@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from mapmeld import OccupancyGrid, se2
-from mapmeld.cli import app
+from mapmeld.cli import build_app
 from mapmeld.grid import UNKNOWN
 from mapmeld.known import Point
 from mapmeld.studio.server import NOT_HERE
@@ -284,7 +284,7 @@ def test_save_and_replay_without_the_page(tmp_path: Path) -> None:
         page.until_says("#known", "exactly")
     again = tmp_path / "again"
     run = CliRunner().invoke(
-        app, ["merge", *maps, "--report", "--session", str(out / "session.json"), "-o", str(again)]
+        build_app(), ["merge", *maps, "--report", "--session", str(out / "session.json"), "-o", str(again)]
     )
     assert run.exit_code == 0, run.output
     assert {p.name for p in out.iterdir()} == {p.name for p in again.iterdir()}

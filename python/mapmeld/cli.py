@@ -1,43 +1,38 @@
-"""The command line. Each command is a file of its own and imports what it needs when it runs."""
+"""The command line. Each command is a file of its own, read when it is asked for."""
 
 from __future__ import annotations
 
+import atexit
+import gc
+import os
 import sys
+from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
-from mapmeld import (
-    cli_demo,
-    cli_evaluate,
-    cli_figures,
-    cli_inspect,
-    cli_merge,
-    cli_replay,
-    cli_report,
-    cli_simulate,
-    cli_studio,
-)
 from mapmeld.cli_common import EXIT_CODES, report_error
 from mapmeld.cli_options import with_rerun
 
-app = typer.Typer(
-    name="mapmeld",
-    help="Merges the occupancy grids of many robots into one map.",
-    epilog=EXIT_CODES,
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-app.command("merge", epilog=EXIT_CODES)(cli_merge.merge)
-app.command("studio", epilog=EXIT_CODES)(cli_studio.studio)
-app.command("replay", epilog=EXIT_CODES)(cli_replay.replay)
-app.command("report", epilog=EXIT_CODES)(cli_report.report)
-app.command("inspect", epilog=EXIT_CODES)(cli_inspect.inspect)
-app.command("evaluate", epilog=EXIT_CODES)(cli_evaluate.evaluate)
-app.command("figures", epilog=EXIT_CODES)(cli_figures.figures)
-app.command("simulate", epilog=EXIT_CODES)(cli_simulate.simulate)
-app.command("demo", epilog=EXIT_CODES)(cli_demo.demo)
+COMMANDS = ("merge", "studio", "replay", "report", "inspect", "evaluate", "figures", "simulate", "demo")
+"""In the order of --help. Each is the function of its name in cli_<name>.py."""
+
+
+def build_app(commands: Sequence[str] = COMMANDS) -> typer.Typer:
+    """The program with these commands."""
+    app = typer.Typer(
+        name="mapmeld",
+        help="Merges the occupancy grids of many robots into one map.",
+        epilog=EXIT_CODES,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(_options)
+    for name in commands:
+        app.command(name, epilog=EXIT_CODES)(getattr(import_module(f"mapmeld.cli_{name}"), name))
+    return app
 
 
 def _print_version(wanted: bool) -> None:
@@ -48,7 +43,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
     version: Annotated[
         bool,
@@ -60,8 +54,16 @@ def _options(
 
 def main() -> None:
     """Entry point of the command `mapmeld`. Raises SystemExit with the exit codes of cli_common."""
+    # OpenBLAS, which numpy brings, starts a thread for each core when it loads, and they spin: nearly half of
+    # what importing numpy costs. Nothing here multiplies matrices that are worth a second thread.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Python ends with two searches for garbage among all that was imported. The memory goes back anyway.
+    atexit.register(gc.freeze)
+    arguments = with_rerun(sys.argv[1:])
+    # The other commands are for --help, and for saying what there is where the name is wrong.
+    asked = arguments[:1] if arguments and arguments[0] in COMMANDS else COMMANDS
     try:
-        app(args=with_rerun(sys.argv[1:]))
+        build_app(asked)(args=arguments)
     except Exception as error:
         sys.exit(report_error(error))
     except KeyboardInterrupt as error:

@@ -20,9 +20,11 @@ SESSION_HELP = "A session.json, as `mapmeld studio` saves it: its pins, points a
 
 def read_session_option(path: Path | None) -> Session | None:
     """The session at the path, if one is given."""
+    if path is None:
+        return None
     from mapmeld.session_file import read_session
 
-    return None if path is None else read_session(path)
+    return read_session(path)
 
 
 def gather_known(

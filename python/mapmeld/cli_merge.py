@@ -194,7 +194,6 @@ def merge(
         write_session,
     )
     from mapmeld.pair_store import PairStore
-    from mapmeld.session_file import Session
 
     with contextlib.ExitStack() as stack:
         saved = [path for path in maps if not is_bag(path)]
@@ -235,6 +234,8 @@ def merge(
         if out is not None:
             write_result(out.staged, result, out.folder)
             if known or saved_session is not None:
+                from mapmeld.session_file import Session
+
                 write_session(out.staged, Session.of(grids, options, known))
         if json is not None and str(json) != "-":
             replace_file(json, result.to_json(json.parent).encode())

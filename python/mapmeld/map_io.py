@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import secrets
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -60,7 +59,8 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
         image = read_map_image(fields.image)
     except MapFileError as error:
         raise MapFileError(one_line(f"{yaml_path}: {error}")) from error
-    cells = _cell_of_level(fields, image.full_scale)[image.levels]
+    # np.take and not [...], which makes indices of eight bytes of the levels first.
+    cells = np.take(_cell_of_level(fields, image.full_scale), image.levels)
     if image.opaque is not None and fields.mode != "raw":
         cells[~image.opaque] = UNKNOWN
     return OccupancyGrid(cells[::-1], fields.resolution, fields.origin, yaml_path.stem)
@@ -179,7 +179,7 @@ def _encode(pixels: NDArray[np.uint8], image_format: ImageFormat) -> bytes:
 
 def _replace_file(path: Path, content: bytes) -> None:
     """Writes beside `path` and renames, so that `path` holds the old content or the new, never a part."""
-    draft = path.with_name(f".{path.name}.{secrets.token_hex(8)}.tmp")
+    draft = path.with_name(f".{path.name}.{os.urandom(8).hex()}.tmp")
     try:
         try:
             # "x" and not tempfile: the file gets the permissions of any new file, not the owner's alone.

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-
-from rich import box
-from rich.table import Table
-from rich.text import Text
+from typing import TYPE_CHECKING
 
 from mapmeld.result import MergeResult, PlacedMap
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 _NONE = "-"
 """What stands for a value that does not exist. Never 0: a pose of 0 is a claim."""
@@ -18,6 +18,10 @@ def summary_table(result: MergeResult) -> Table:
     """A row a map: component, pose in the frame of the component's reference map, standard deviations,
     status, and the probability of its place.
     """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
     # Narrow enough for 80 columns with names of ten letters; numbers are never cut.
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("map", overflow="fold")

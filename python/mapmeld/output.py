@@ -6,18 +6,20 @@ import contextlib
 import json
 import os
 import re
-import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from mapmeld.errors import MapFileError, MapmeldError
 from mapmeld.grid import OccupancyGrid
 from mapmeld.map_io import write_map
 from mapmeld.map_yaml import one_line, read_map_yaml
 from mapmeld.result import MergeResult
-from mapmeld.session_file import Session
+
+if TYPE_CHECKING:
+    from mapmeld.session_file import Session
 
 RESULT, REPORT, PAGE, SESSION = "result.json", "report.png", "report.html", "session.json"
 ESTIMATES, DEVELOPMENT = "estimates.jsonl", "development.png"
@@ -81,7 +83,7 @@ def write_session(folder: Path, session: Session) -> None:
 
 def replace_file(path: Path, content: bytes) -> None:
     """Writes a file in one step: whoever reads meanwhile finds the old content or the new one."""
-    draft = path.with_name(f"{_STAGING}{secrets.token_hex(8)}")
+    draft = path.with_name(f"{_STAGING}{os.urandom(8).hex()}")
     with saying(path):
         if path.is_dir():
             raise IsADirectoryError(None, "is a folder")
@@ -120,12 +122,12 @@ class OutputFolder:
             self._exists = self.folder.is_dir()
             if not self._exists and os.path.lexists(self.folder):
                 raise MapmeldError(f"{self.folder}: is there and no folder; choose another name")
-            self._refuse_inputs()
             if self._exists:
+                self._refuse_inputs()
                 self._refuse_foreign(self._earlier())
             # Within a folder that is there, since its parent may be closed to us or another file system.
             base = self.folder if self._exists else _existing_parent(self.folder)
-            self._work = base / f"{_STAGING}{secrets.token_hex(8)}"
+            self._work = base / f"{_STAGING}{os.urandom(8).hex()}"
             self._work.mkdir()
             self.staged = self._work / "new"
             self.staged.mkdir()

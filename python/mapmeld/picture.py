@@ -86,7 +86,9 @@ class Picture:
     def png(self) -> bytes:
         """The picture as a PNG file."""
         data = io.BytesIO()
-        self._image.save(data, format="png", compress_level=3)
+        # Pillow loads the code of one format where a name tells it, of five where `format` does.
+        data.name = "picture.png"
+        self._image.save(data, compress_level=3)
         return data.getvalue()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import secrets
 import socket
 import sys
 from collections.abc import Iterator, Sequence
@@ -40,7 +39,7 @@ def recording(target: str | Path, grids: Sequence[OccupancyGrid]) -> Iterator[Re
         stream.flush(timeout_sec=_PATIENCE_S)
         return
     path = Path(target)
-    draft = path.with_name(f".mapmeld-{secrets.token_hex(8)}.rrd")
+    draft = path.with_name(f".mapmeld-{os.urandom(8).hex()}.rrd")
     try:
         with saying(path):
             draft.touch()

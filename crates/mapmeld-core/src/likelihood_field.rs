@@ -16,10 +16,6 @@ pub const DIRECTIONS: usize = 8;
 /// tolerance of about 30 degrees.
 const AGREE: f64 = 0.92;
 const NONE: u16 = u16::MAX;
-/// Share of the reach within which the nearest point is exact.
-const EXACT: f64 = 0.6;
-/// Side of the blocks, in cells, of which one point a direction speaks beyond.
-const BLOCK: usize = 3;
 
 /// A wall point in the axes of its grid, metres: what registration asks for, in one piece of memory.
 #[derive(Debug, Clone, Copy)]
@@ -70,16 +66,13 @@ pub fn direction(v: Vec2) -> usize {
 }
 
 impl LikelihoodField {
-    /// Makes the field with a reach of `reach` cells. In the farther part of it the point may not be the nearest, but
-    /// lies within [`BLOCK`] cells of it: that is soon done. At most 65534 points can be held.
+    /// Makes the field with a reach of `reach` cells. At most 65534 points can be held.
     pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
         assert!(boundary.len() < NONE as usize, "boundary must be thinned first");
         let (w, h) = (grid.width(), grid.height());
         let mut nearest = vec![[NONE; DIRECTIONS]; w * h];
         let mut squared = vec![[u8::MAX; DIRECTIONS]; w * h];
-        let blocks = w.div_ceil(BLOCK);
-        let mut spoken_for = vec![0u8; blocks * h.div_ceil(BLOCK)];
-        let exact = (EXACT * reach as f64).ceil() as isize;
+        let r = reach as isize;
         let to_grid = grid.locator();
         for (k, p) in boundary.iter().enumerate() {
             let n = to_grid.rotate(p.normal);
@@ -93,12 +86,7 @@ impl LikelihoodField {
                     u8::MAX
                 }
             });
-            let (row, col) = (p.cell as usize / w, p.cell as usize % w);
-            let block = &mut spoken_for[row / BLOCK * blocks + col / BLOCK];
-            let octant = 1u8 << direction(n);
-            let r = if *block & octant == 0 { reach as isize } else { exact };
-            *block |= octant;
-            let (row, col) = (row as isize, col as isize);
+            let (row, col) = ((p.cell as usize / w) as isize, (p.cell as usize % w) as isize);
             for dr in -r..=r {
                 if !(0..h as isize).contains(&(row + dr)) {
                     continue;
@@ -259,22 +247,22 @@ mod tests {
             })
             .collect();
         let field = LikelihoodField::new(&grid, &points, 6);
-        let off_by = 0.1 * BLOCK as f64 * std::f64::consts::SQRT_2;
         for cell in 0..w * h {
             let at = grid.cell_center(cell / w, cell % w);
             for d in 0..DIRECTIONS {
                 let a = TAU * d as f64 / 8.0;
                 let axis = grid.origin().rotate(Vec2::new(a.cos(), a.sin()));
-                let distance = |p: &BoundaryPoint| (p.position - at).norm();
-                let nearest = |agrees: &dyn Fn(&BoundaryPoint) -> bool| {
-                    points.iter().filter(|p| agrees(p)).map(distance).fold(f64::MAX, f64::min)
-                };
-                let best = nearest(&|p| p.normal.dot(&axis) >= AGREE.cos());
-                let of_octant = nearest(&|p| direction(grid.locator().rotate(p.normal)) == d);
-                match field.nearest(cell, d).map(|k| distance(&points[k])) {
-                    Some(got) if best <= EXACT * 0.6 => assert!((best - got).abs() < 1e-9),
-                    Some(got) => assert!(best <= got + 1e-9 && got <= of_octant + off_by),
-                    None => assert!(best > EXACT * 0.6 && of_octant > 0.6 - off_by),
+                let best = points
+                    .iter()
+                    .filter(|p| p.normal.dot(&axis) >= AGREE.cos())
+                    .map(|p| (p.position - at).norm())
+                    .filter(|r| *r <= 0.6 + 1e-9)
+                    .min_by(f64::total_cmp);
+                let got = field.nearest(cell, d).map(|k| (points[k].position - at).norm());
+                match (best, got) {
+                    (Some(b), Some(g)) => assert!((b - g).abs() < 1e-9),
+                    (None, None) => {}
+                    other => panic!("cell {cell} direction {d}: {other:?}"),
                 }
             }
         }

@@ -11,8 +11,8 @@ use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::rigid;
 use crate::prior::Prior;
-use crate::probe::{axes_of, Axes};
 use crate::registration::climb::{self, Climb};
+use crate::registration::glance::glance;
 use crate::result::Known;
 use crate::se2::{wrap, Se2, Vec2};
 use crate::vicinity::Circle;
@@ -293,9 +293,9 @@ pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
     let rigid = rungs[rungs.len() / 2].rigid();
     let looked = parallel::map(&all, |map| {
         let proposed = index.proposed(*map, &marks, &centers);
-        let mut glanced: Vec<(f64, usize, Se2)> = proposed
+        let mut glanced: Vec<(f32, usize, Se2)> = proposed
             .into_iter()
-            .map(|(other, t)| (glance(&maps[*map], &maps[other], &t), other, t))
+            .map(|(other, t)| (glance(&maps[*map], &maps[other], &t, 2 * SAMPLES), other, t))
             .collect();
         glanced.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         glanced.truncate(MAX_CLIMBS);
@@ -321,16 +321,6 @@ pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
         of_map
     };
     found.into_iter().map(sorted).collect()
-}
-
-/// How much of the walls agrees at a transform, seen from both maps.
-fn glance(a: &LocalMap, b: &LocalMap, t_a_b: &Se2) -> f64 {
-    let one_way = |a: &LocalMap, b: &LocalMap, t: &Se2| {
-        let stride = b.stride(SAMPLES);
-        let axes = Axes::new(&axes_of(&a.grid, &b.grid, t));
-        stride as f64 * f64::from(a.coarse.score(b.probes.iter().step_by(stride), &axes))
-    };
-    one_way(a, b, t_a_b) + one_way(b, a, &t_a_b.inverse())
 }
 
 /// The log-likelihood ratio a few steps uphill from a transform, nats.

@@ -114,7 +114,6 @@ stage! {
         bend_turn: f64 = 0.02,
         /// The same four for maps that are bent more and more; the set of maps decides.
         more_bent: Vec<Bending> = vec![
-            Bending { climb_sigma: 0.15, wall_sigma: 0.1, bend_shift: 0.2, bend_turn: 0.05 },
             Bending { climb_sigma: 0.25, wall_sigma: 0.13, bend_shift: 0.4, bend_turn: 0.1 },
         ],
         /// Length of wall that counts as one independent observation, metres.

@@ -8,6 +8,7 @@ pub mod closed_form;
 pub mod coarse_table;
 pub mod corners;
 pub mod correlation;
+pub mod glance;
 pub mod pair;
 pub mod segments;
 

@@ -3,10 +3,11 @@
 use crate::config::{Config, EvidenceConfig, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::{placed, rigid, WallEvidence};
-use crate::probe::{axes_of, Axes};
 use crate::registration::{
     climb::{self, Climb},
-    corners, correlation, segments, Candidate, Mode, Registered, Rung, Source,
+    corners, correlation,
+    glance::glance,
+    segments, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
 use crate::verdict::{self, Background};
@@ -27,6 +28,8 @@ const CLIMB_SAMPLES: usize = 160;
 const FINAL_SAMPLES: usize = 400;
 /// Modes of the mirror image, of which the best alone is asked for.
 const DECOYS: usize = 2;
+/// Modes that are weighed whatever their likelihood.
+const LEAST_MODES: usize = 3;
 /// Steps that every candidate worth a second look is led uphill.
 const FIRST_STEPS: usize = 6;
 
@@ -98,16 +101,9 @@ fn find_tops(
     let distance =
         r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
-    // Either map alone may mistake much: where it was crossed by people, or shows little.
     let coarsely = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
-        let (stride_a, stride_b) = (ma.stride(samples / 2), mb.stride(samples / 2));
-        let score = |c: &Candidate| {
-            let axes = Axes::new(&axes_of(&ma.grid, &mb.grid, &c.t_a_b));
-            let of_b = ma.coarse.score(mb.probes.iter().step_by(stride_b), &axes);
-            let of_a = mb.coarse.score(ma.probes.iter().step_by(stride_a), &axes.inverse());
-            stride_b as f32 * of_b + stride_a as f32 * of_a
-        };
-        found.into_iter().map(|c| (f64::from(score(&c)), c)).collect()
+        let score = |c: &Candidate| f64::from(glance(ma, mb, &c.t_a_b, samples));
+        found.into_iter().map(|c| (score(&c), c)).collect()
     };
     let finely = |found: &[Candidate], samples: usize, p: &PerceptionConfig| {
         let score = |c: &Candidate| rigid::log_likelihood(ma, mb, &c.t_a_b, samples, p);
@@ -151,7 +147,12 @@ fn find_tops(
         let climb = Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0 };
         let mut at_top = climbed(&few, &climb, rigid);
         at_top.extend(few);
-        distinct(finely(&at_top, 2 * FINAL_SAMPLES, rigid), max_modes)
+        let mut scored = finely(&at_top, 2 * FINAL_SAMPLES, rigid);
+        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+        // What strangers would fit as well is no mode, but some runner-up there must be.
+        let spoken_for = scored.iter().take_while(|(l, _)| *l > 0.0).count();
+        scored.truncate(spoken_for.max(LEAST_MODES));
+        distinct(scored, max_modes)
     });
     (candidates, at_each.collect())
 }

@@ -325,7 +325,8 @@ pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
 
 /// The log-likelihood ratio a few steps uphill from a transform, nats.
 fn look(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, p: &PerceptionConfig) -> f64 {
-    let climb = Climb { samples: SAMPLES, steps: STEPS, scale: climb::wide(a, b) };
+    let climb =
+        Climb { samples: SAMPLES, steps: STEPS, scale: climb::wide(a, b), still: climb::STILL };
     let top = climb.top(a, b, t_a_b, p).unwrap_or(*t_a_b);
     rigid::log_likelihood(a, b, &top, 2 * SAMPLES, p)
 }

@@ -108,6 +108,9 @@ pub fn wide(a: &LocalMap, b: &LocalMap) -> f64 {
     0.5 * a.reach().min(b.reach())
 }
 
+/// Steps shorter than this, in cells, lead nowhere any more.
+pub const STILL: f64 = 0.02;
+
 /// How a climb from a candidate is done: point-to-line steps under a robust kernel that narrows to the walls' own
 /// noise.
 #[derive(Debug, Clone, Copy)]
@@ -118,6 +121,8 @@ pub struct Climb {
     pub steps: usize,
     /// Scale of the kernel in the beginning, metres.
     pub scale: f64,
+    /// Steps shorter than this, in cells, end it.
+    pub still: f64,
 }
 
 impl Climb {
@@ -134,10 +139,11 @@ impl Climb {
         let center = from_b.apply(b.center?);
         let start = axes_of(&a.grid, &b.grid, start);
         let strides = (a.stride(self.samples), b.stride(self.samples));
-        let top =
-            ascend(start, center, self.scale, resolution, self.steps, perception, |t, pull| {
-                matches(a, b, t, strides, |m| pull.add(&m));
-            });
+        let ends = Ends { steps: self.steps, shorter: self.still * resolution };
+        let finest = perception.climb_sigma.max(resolution);
+        let top = ascend(start, center, (self.scale, finest), ends, |t, pull| {
+            matches(a, b, t, strides, |m| pull.add(&m));
+        });
         Some(to_a.compose(&top?).compose(&from_b))
     }
 }
@@ -157,7 +163,9 @@ pub fn climb_group(
     let centers: Vec<Vec2> =
         b.iter().filter_map(|q| Some(q.t_world_map.apply(q.map.center?))).collect();
     let center = centers.iter().sum::<Vec2>() / centers.len().max(1) as f64;
-    ascend(*start, center, 0.5 * reach, resolution, max_iterations, perception, |t, pull| {
+    let ends = Ends { steps: max_iterations, shorter: STILL * resolution };
+    let finest = perception.climb_sigma.max(resolution);
+    ascend(*start, center, (0.5 * reach, finest), ends, |t, pull| {
         for p in a {
             let to_world = Axes::new(&p.t_world_map.compose(&p.map.grid.origin()));
             for q in b {
@@ -177,21 +185,24 @@ pub fn climb_group(
     })
 }
 
-/// Gauss-Newton under a kernel that narrows from `wide`, turning about `center`, a point of the moving frame;
-/// `each` tells the matches at a pose.
+/// When a climb ends: after so many steps, or once a step is shorter, metres.
+struct Ends {
+    steps: usize,
+    shorter: f64,
+}
+
+/// Gauss-Newton under a kernel that narrows from `wide` to `finest`, turning about `center`, a point of the moving
+/// frame; `each` tells the matches at a pose.
 fn ascend(
     start: Se2,
     center: Vec2,
-    wide: f64,
-    resolution: f64,
-    max_iterations: usize,
-    perception: &PerceptionConfig,
+    (wide, finest): (f64, f64),
+    ends: Ends,
     each: impl Fn(&Se2, &mut Pull),
 ) -> Option<Se2> {
-    let finest = perception.climb_sigma.max(resolution);
     let mut scale = wide.max(finest);
     let mut t = start;
-    for _ in 0..max_iterations {
+    for _ in 0..ends.steps {
         let pivot = t.apply(center);
         let mut pull = Pull::new(pivot, scale);
         each(&t, &mut pull);
@@ -204,7 +215,7 @@ fn ascend(
         let moved = step.xy().norm() + 5.0 * step.z.abs();
         if scale > finest {
             scale = (0.7 * scale).max(finest);
-        } else if moved < 0.02 * resolution {
+        } else if moved < ends.shorter {
             break;
         }
     }

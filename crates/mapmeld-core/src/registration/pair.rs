@@ -4,7 +4,7 @@ use crate::config::{Config, EvidenceConfig, PerceptionConfig, RegistrationConfig
 use crate::local_map::LocalMap;
 use crate::perception::{placed, rigid, WallEvidence};
 use crate::registration::{
-    climb::{self, Climb},
+    climb::{self, Climb, STILL},
     corners, correlation,
     glance::glance,
     segments, Candidate, Mode, Registered, Rung, Source,
@@ -19,7 +19,7 @@ const GLIMPSE_SAMPLES: usize = 24;
 /// Samples that a second look takes.
 const BRIEF_SAMPLES: usize = 64;
 /// Samples that a longer look takes.
-const LONGER_SAMPLES: usize = 200;
+const LONGER_SAMPLES: usize = 128;
 /// Samples of each map that the first steps uphill follow.
 const FIRST_SAMPLES: usize = 80;
 /// Samples of each map that a climb follows.
@@ -28,6 +28,8 @@ const CLIMB_SAMPLES: usize = 160;
 const FINAL_SAMPLES: usize = 400;
 /// Modes of the mirror image, of which the best alone is asked for.
 const DECOYS: usize = 2;
+/// Steps shorter than this, in cells, end all climbs but the last.
+const NEAR: f64 = 0.1;
 /// Modes that are weighed whatever their likelihood.
 const LEAST_MODES: usize = 3;
 /// Steps that every candidate worth a second look is led uphill.
@@ -127,7 +129,7 @@ fn find_tops(
     let mut looked_at = best(glimpsed, BRIEF_SAMPLES, 8 * shortlist);
     looked_at.extend(correlated.into_iter().map(|(_, c)| c));
     let begun = distinct(coarsely(looked_at, LONGER_SAMPLES), 3 * shortlist / 2);
-    let first = Climb { samples: FIRST_SAMPLES, steps: FIRST_STEPS, scale: wide };
+    let first = Climb { samples: FIRST_SAMPLES, steps: FIRST_STEPS, scale: wide, still: NEAR };
     let begun = climbed(&begun, &first, &rigid[rigid.len() / 2]);
 
     // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
@@ -137,14 +139,16 @@ fn find_tops(
     for p in rigid.first().into_iter().chain(widest) {
         let mut shortlisted = distinct(finely(&begun, 2 * FIRST_SAMPLES, p), shortlist / 2);
         shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
-        let climb = Climb { samples: CLIMB_SAMPLES, steps: r.max_iterations, scale: wide };
+        let climb =
+            Climb { samples: CLIMB_SAMPLES, steps: r.max_iterations, scale: wide, still: NEAR };
         let mut at_top = climbed(&shortlisted, &climb, p);
         at_top.extend(shortlisted);
         tops.extend(distinct(finely(&at_top, 2 * CLIMB_SAMPLES, p), max_modes));
     }
     let at_each = rigid.iter().map(|rigid| {
         let few = distinct(finely(&tops, FINAL_SAMPLES, rigid), max_modes);
-        let climb = Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0 };
+        let climb =
+            Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0, still: STILL };
         let mut at_top = climbed(&few, &climb, rigid);
         at_top.extend(few);
         let mut scored = finely(&at_top, 2 * FINAL_SAMPLES, rigid);

@@ -12,7 +12,7 @@ use crate::parallel;
 use crate::perception::rigid;
 use crate::prior::Prior;
 use crate::registration::climb::{self, Climb};
-use crate::registration::glance::glance;
+use crate::registration::glance::Glance;
 use crate::result::Known;
 use crate::se2::{wrap, Se2, Vec2};
 use crate::vicinity::Circle;
@@ -295,7 +295,9 @@ pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
         let proposed = index.proposed(*map, &marks, &centers);
         let mut glanced: Vec<(f32, usize, Se2)> = proposed
             .into_iter()
-            .map(|(other, t)| (glance(&maps[*map], &maps[other], &t, 2 * SAMPLES), other, t))
+            .map(|(other, t)| {
+                (Glance::new(&maps[*map], &maps[other]).score(&t, 2 * SAMPLES), other, t)
+            })
             .collect();
         glanced.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         glanced.truncate(MAX_CLIMBS);

@@ -5,7 +5,7 @@
 
 use crate::grid::OccupancyGrid;
 use crate::local_map::WallSample;
-use crate::se2::Se2;
+use crate::se2::{Se2, Vec2};
 use std::f64::consts::TAU;
 
 /// A wall sample in the axes of its grid.
@@ -73,8 +73,13 @@ pub struct Axes {
 impl Axes {
     /// From `T_axes_axes`.
     pub fn new(t: &Se2) -> Self {
-        let (s, c) = t.theta.sin_cos();
-        Self { c: c as f32, s: s as f32, x: t.x as f32, y: t.y as f32, turn: turn(t.theta) }
+        Self::from_parts(t.translation(), t.theta, t.theta.sin_cos())
+    }
+
+    /// From the corner's position and the angle, whose sine and cosine are known.
+    pub fn from_parts(corner: Vec2, theta: f64, (s, c): (f64, f64)) -> Self {
+        let (x, y) = (corner.x as f32, corner.y as f32);
+        Self { c: c as f32, s: s as f32, x, y, turn: turn(theta) }
     }
 
     /// The pose of the other grid's axes in this one's.
@@ -111,7 +116,6 @@ pub fn axes_of(a: &OccupancyGrid, b: &OccupancyGrid, t_a_b: &Se2) -> Se2 {
 mod tests {
     use super::*;
     use crate::likelihood_field::direction;
-    use crate::se2::Vec2;
 
     #[test]
     fn octants_are_those_of_the_field() {

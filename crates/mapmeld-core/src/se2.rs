@@ -161,6 +161,11 @@ pub struct Rigid {
 }
 
 impl Rigid {
+    /// Sine and cosine of its angle.
+    pub fn sin_cos(&self) -> (f64, f64) {
+        (self.s, self.c)
+    }
+
     /// `p_a` of `p_b`.
     #[inline(always)]
     pub fn apply(&self, p: Vec2) -> Vec2 {

@@ -20,6 +20,9 @@ pub const SCORES: (f64, i8, i8) = (8.0, -3, -16);
 /// Cells without a score that a run bridges, since one longer run is faster than two short ones.
 const BRIDGED: usize = 24;
 
+/// Cells that are added at once: runs are as long as a multiple of it.
+pub const LANES: usize = 16;
+
 /// Cells of one row that follow each other, some of which score.
 #[derive(Debug, Clone, Copy)]
 pub struct Run {
@@ -29,7 +32,7 @@ pub struct Run {
     pub col: u32,
     /// Where its score is in [`Wide::values`].
     pub at: u32,
-    /// Number of cells.
+    /// Number of cells, a multiple of [`LANES`]: the last of them score nothing, and may lie beyond the row.
     pub len: u32,
 }
 
@@ -166,7 +169,9 @@ fn runs_of(line: &[i16], row: usize, values: &mut Vec<i16>, runs: &mut Vec<Run>)
         }
         let at = values.len() as u32;
         values.extend(&line[start..end]);
-        runs.push(Run { row: row as u32, col: start as u32, at, len: (end - start) as u32 });
+        let len = (end - start).next_multiple_of(LANES);
+        values.resize(at as usize + len, 0);
+        runs.push(Run { row: row as u32, col: start as u32, at, len: len as u32 });
         col = end;
     }
 }

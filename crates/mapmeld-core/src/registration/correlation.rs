@@ -11,7 +11,7 @@
 use crate::likelihood_field::DIRECTIONS;
 use crate::local_map::LocalMap;
 use crate::probe::{Axes, Probe};
-use crate::registration::coarse_table::{CoarseTable, Run, Wide, SCORES};
+use crate::registration::coarse_table::{CoarseTable, Run, Wide, LANES, SCORES};
 use crate::registration::{Candidate, Source};
 use crate::se2::Se2;
 use std::f64::consts::TAU;
@@ -187,6 +187,8 @@ struct Shifts {
     scores: Vec<i16>,
     /// Weight of b's probes by direction and wide cell, and last that of their contradiction.
     bins: Vec<f32>,
+    /// Direction and cell of the bins that hold something.
+    filled: Vec<(u32, u32)>,
 }
 
 impl Shifts {
@@ -201,38 +203,44 @@ impl Shifts {
         let area = rows * cols;
         self.bins.clear();
         self.bins.resize(area * (DIRECTIONS + 1), 0.0);
+        self.filled.clear();
         let mut total = 0.0;
         for p in &b.probes {
             let at = (p.row / 2) as usize * cols + (p.col / 2) as usize;
-            self.bins[p.octant * area + at] += p.weight;
-            self.bins[DIRECTIONS * area + at] += p.conflict_weight;
+            for (table, weight) in [(p.octant, p.weight), (DIRECTIONS, p.conflict_weight)] {
+                let bin = &mut self.bins[table * area + at];
+                if *bin == 0.0 {
+                    self.filled.push((table as u32, at as u32));
+                }
+                *bin += weight;
+            }
             total += f64::from(p.weight);
         }
+        self.filled.sort_unstable();
+        self.filled.dedup();
         // No agreement can leave an i16; what is contradicted beyond that is beyond caring.
         let steps = STEPS.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1)))) as f32;
 
         self.scores.clear();
-        self.scores.resize(w * h, 0);
-        // What rounding takes from one bin it gives to the next.
-        for (table, runs) in a.runs.iter().enumerate() {
-            let mut carry = 0.0;
-            let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
-            for at in 0..area {
-                let weight = self.bins[table * area + at];
-                if weight <= 0.0 {
-                    continue;
-                }
-                carry += weight * steps;
-                let weight = (carry / unit).floor().min(1000.0) * unit;
-                carry -= weight;
-                if weight < 1.0 {
-                    continue;
-                }
-                // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
-                let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
-                let weight = weight as i16;
-                add(&mut self.scores[to..], w, runs, &a.values, weight);
+        // Runs are padded, beyond the end too.
+        self.scores.resize(w * h + LANES, 0);
+        // What rounding takes from one bin it gives to the next of its table.
+        let (mut carry, mut last) = (0.0, DIRECTIONS + 1);
+        for (table, at) in &self.filled {
+            let (table, at) = (*table as usize, *at as usize);
+            if table != last {
+                (carry, last) = (0.0, table);
             }
+            let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
+            carry += self.bins[table * area + at] * steps;
+            let weight = ((carry / unit) as i32).min(1000) as f32 * unit;
+            carry -= weight;
+            if weight < 1.0 {
+                continue;
+            }
+            // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
+            let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
+            add(&mut self.scores[to..], w, &a.runs[table], &a.values, weight as i16);
         }
         let shift = |at: usize| {
             let cells = |k: usize, offset: usize| 2 * (k as i32 - offset as i32);
@@ -246,10 +254,11 @@ impl Shifts {
 /// Adds the runs of a table, each value so many times, to the scores of the shifts at which a bin meets them.
 fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i16) {
     for run in runs {
-        let len = run.len as usize;
-        let values = &values[run.at as usize..run.at as usize + len];
+        let (at, len) = (run.at as usize, run.len as usize);
         let start = run.row as usize * width + run.col as usize;
-        for (score, value) in scores[start..start + len].iter_mut().zip(values) {
+        // That there is no rest, the compiler sees here.
+        let len = len - len % LANES;
+        for (score, value) in scores[start..start + len].iter_mut().zip(&values[at..at + len]) {
             *score = score.saturating_add(weight * value);
         }
     }

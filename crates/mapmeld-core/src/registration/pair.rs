@@ -6,7 +6,7 @@ use crate::perception::{placed, rigid, WallEvidence};
 use crate::registration::{
     climb::{self, Climb, STILL},
     corners, correlation,
-    glance::glance,
+    glance::Glance,
     segments, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
@@ -103,8 +103,9 @@ fn find_tops(
     let distance =
         r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
+    let glance = Glance::new(ma, mb);
     let coarsely = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
-        let score = |c: &Candidate| f64::from(glance(ma, mb, &c.t_a_b, samples));
+        let score = |c: &Candidate| f64::from(glance.score(&c.t_a_b, samples));
         found.into_iter().map(|c| (score(&c), c)).collect()
     };
     let finely = |found: &[Candidate], samples: usize, p: &PerceptionConfig| {

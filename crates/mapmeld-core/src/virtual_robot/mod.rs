@@ -135,8 +135,10 @@ impl VirtualRobot<'_> {
         let merged = here.merged;
         let center = self.maps[map].center.unwrap_or_default();
         let mut seen: Vec<(Se2, Matrix3<f64>, WallEvidence)> = Vec::new();
-        for (_, x, covariance) in motions {
-            let (x, evidence) = self.look(merged, map, *x);
+        // Motions of one map lie too far apart for one to be told what another one was.
+        let looks = parallel::map(motions, |(_, x, _)| self.look(merged, map, *x));
+        for ((_, _, covariance), look) in motions.iter().zip(looks) {
+            let Some((x, evidence)) = look else { continue };
             if self.is_refused(merged, map, &x) {
                 continue;
             }

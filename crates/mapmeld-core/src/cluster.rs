@@ -12,7 +12,7 @@ use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::pair_table::PairTable;
 use crate::perception::Overlay;
-use crate::prior::Prior;
+use crate::prior::{self, Prior};
 use crate::refine;
 use crate::result::Known;
 use crate::se2::Se2;
@@ -71,7 +71,7 @@ impl Cluster {
         let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
             let alone = members.len() == 1;
-            let fixed = held(&members, &known.priors);
+            let fixed = prior::held(&members, &known.priors);
             let refined = refine::refine(maps, &members, &poses, &fixed, known, config);
             Cluster {
                 reference: members[0],
@@ -195,17 +195,5 @@ impl Cluster {
             worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
         all_steps.extend(steps);
         Self::of_travel(maps, pairs, (joined, all_steps), known, config)
-    }
-}
-
-/// Positions of the members that stay in place in a refinement: the first, and those that are pinned where it is.
-fn held(members: &[usize], priors: &[Option<Prior>]) -> Vec<usize> {
-    let is_pinned =
-        |m: &usize| priors.get(*m).and_then(Option::as_ref).is_some_and(|p| p.is_pinned);
-    let pinned: Vec<usize> = (0..members.len()).filter(|k| is_pinned(&members[*k])).collect();
-    match pinned[..] {
-        // A single pin may as well be where its walls lead it in this frame.
-        [] | [_] => vec![0],
-        _ => pinned,
     }
 }

@@ -92,6 +92,11 @@ impl Memory {
         remembered(&self.words, key, || Word { evidence: work_out(), _layer: top() }).evidence
     }
 
+    /// Forgets what single layers say: they are left behind where all is placed anew.
+    pub fn forget_words(&self) {
+        self.words.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
     /// What the walls of a map say at a pose next to some placed maps, or at one so close to it next to the same
     /// maps, each as close to its place, that it says the same.
     pub fn similar(

@@ -86,3 +86,55 @@ pub fn pairs(maps: &[LocalMap], members: &[usize], poses: &[Se2]) -> Vec<(usize,
     let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j)));
     all.filter(|(i, j)| outlines[*i].is_near(&outlines[*j], 0.0)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+
+    /// Least distance between the points of two grids, from dense points of the one.
+    fn apart(a: (&OccupancyGrid, &Se2), b: (&OccupancyGrid, &Se2)) -> f64 {
+        let to_a = a.0.origin().inverse().compose(&a.1.inverse()).compose(b.1);
+        let (w, h) = (a.0.width() as f64 * 0.1, a.0.height() as f64 * 0.1);
+        let points = (0..=b.0.height()).flat_map(|r| (0..=b.0.width()).map(move |c| (r, c)));
+        let distances = points.map(|(r, c)| {
+            let p = to_a.apply(b.0.grid_to_map(c as f64, r as f64));
+            let out = |x: f64, side: f64| (-x).max(x - side).max(0.0);
+            out(p.x, w).hypot(out(p.y, h))
+        });
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn outlines_are_near_where_the_grids_are() {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(8);
+        let (mut near, mut far) = (0, 0);
+        for _ in 0..300 {
+            let mut grid = || {
+                let (w, h) = (rng.random_range(5..60), rng.random_range(5..60));
+                let origin =
+                    Se2::new(1.0, rng.random_range(-3.0..3.0), rng.random_range(-3.0..3.0));
+                OccupancyGrid::new("g", w, h, 0.1, origin, vec![0; w * h]).unwrap()
+            };
+            let (a, b) = (grid(), grid());
+            let mut pose = || {
+                let mut at = || rng.random_range(-4.0..4.0);
+                Se2::new(at(), at(), at())
+            };
+            let (x, y) = (pose(), pose());
+            let slack = rng.random_range(0.0..1.0);
+            let said = Outline::of(&a, &x).is_near(&Outline::of(&b, &y), slack);
+            assert_eq!(said, Outline::of(&b, &y).is_near(&Outline::of(&a, &x), slack));
+            let distance = apart((&a, &x), (&b, &y)).min(apart((&b, &y), (&a, &x)));
+            // Nothing near is missed; what two corners point at may be told of from a little farther off.
+            if distance <= slack {
+                assert!(said, "{distance} m apart, {slack} m are near");
+                near += 1;
+            } else if distance > 1.5 * slack + 0.1 {
+                assert!(!said, "{distance} m apart, {slack} m are near");
+                far += 1;
+            }
+        }
+        assert!(near > 30 && far > 30, "{near} near, {far} far");
+    }
+}

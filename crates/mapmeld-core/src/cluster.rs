@@ -12,7 +12,7 @@ use crate::grid::OccupancyGrid;
 use crate::local_map::LocalMap;
 use crate::pair_table::PairTable;
 use crate::perception::Overlay;
-use crate::prior::Prior;
+use crate::prior::{self, Prior};
 use crate::refine;
 use crate::result::Known;
 use crate::se2::Se2;
@@ -65,13 +65,20 @@ impl Cluster {
         config: &Config,
     ) -> Vec<Cluster> {
         support::doubt(maps, pairs, &mut stories[0], known, config.evidence.min_probability);
-        let parts = evidence::parts(maps, &stories, config.evidence.min_probability);
+        let held = |m: usize, by: &[usize]| support::is_held(maps, pairs, &stories[0], m, by);
+        let parts = evidence::parts(maps, &stories, config.evidence.min_probability, held);
+        let parts = Self::without_strays(maps, pairs, parts, known, config);
+        let lead = parts[0].0[0].poses[0].0;
+        if let Some(t) = stories[0].pose(lead).filter(|_| stories[0].poses[0].0 != lead) {
+            let into = t.inverse();
+            stories.iter_mut().flat_map(|w| &mut w.poses).for_each(|(_, t)| *t = into.compose(t));
+        }
         // What lies alone where all others were split off is as unsure as they are.
         let next = parts.get(1).map(|(_, share)| *share);
         let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
             let alone = members.len() == 1;
-            let fixed = held(&members, &known.priors);
+            let fixed = prior::held(&members, &known.priors);
             let refined = refine::refine(maps, &members, &poses, &fixed, known, config);
             Cluster {
                 reference: members[0],
@@ -88,6 +95,31 @@ impl Cluster {
             }
         });
         clusters.collect()
+    }
+
+    /// The same parts, each without its first map where pairs put that elsewhere; those maps come last.
+    fn without_strays(
+        maps: &[LocalMap],
+        pairs: &PairTable,
+        parts: Vec<(Vec<World>, f64)>,
+        known: &Known,
+        config: &Config,
+    ) -> Vec<(Vec<World>, f64)> {
+        let least = config.evidence.min_probability;
+        let (mut kept, mut strays) = (Vec::new(), Vec::new());
+        for (worlds, share) in parts {
+            let Some(stray) = support::of_first(maps, pairs, &worlds[0], known, least) else {
+                kept.push((worlds, share));
+                continue;
+            };
+            let members: Vec<usize> = worlds[0].poses.iter().map(|(m, _)| *m).collect();
+            let rest = worlds.iter().filter_map(|w| w.restricted(&members[1..]));
+            kept.push((rest.collect(), share));
+            let poses = vec![(members[0], Se2::IDENTITY)];
+            strays.push((vec![World { poses, certainties: vec![1.0], probability: 1.0 }], stray));
+        }
+        kept.extend(strays);
+        kept
     }
 
     /// Takes another member's frame.
@@ -195,17 +227,5 @@ impl Cluster {
             worlds[0].poses.iter().flat_map(|(k, _)| clusters[*k].steps.clone()).collect();
         all_steps.extend(steps);
         Self::of_travel(maps, pairs, (joined, all_steps), known, config)
-    }
-}
-
-/// Positions of the members that stay in place in a refinement: the first, and those that are pinned where it is.
-fn held(members: &[usize], priors: &[Option<Prior>]) -> Vec<usize> {
-    let is_pinned =
-        |m: &usize| priors.get(*m).and_then(Option::as_ref).is_some_and(|p| p.is_pinned);
-    let pinned: Vec<usize> = (0..members.len()).filter(|k| is_pinned(&members[*k])).collect();
-    match pinned[..] {
-        // A single pin may as well be where its walls lead it in this frame.
-        [] | [_] => vec![0],
-        _ => pinned,
     }
 }

@@ -75,7 +75,7 @@ impl World {
     }
 
     /// Some of the maps, the first of which must be there, in its frame.
-    fn restricted(&self, members: &[usize]) -> Option<World> {
+    pub(crate) fn restricted(&self, members: &[usize]) -> Option<World> {
         let t_lead_world = self.pose(members[0])?.inverse();
         let kept = self.poses.iter().zip(&self.certainties);
         let (mut poses, mut certainties): (Vec<_>, Vec<f64>) = kept
@@ -143,8 +143,14 @@ fn is_same_world(maps: &[LocalMap], a: &[(usize, Se2)], b: &[(usize, Se2)]) -> b
 
 /// Parts of the first world that lie sure in themselves: maps whose place relative to the part's first map the
 /// worlds agree on. The first part holds the reference. Each with its worlds and the share of probability that
-/// its first map's place had.
-pub fn parts(maps: &[LocalMap], worlds: &[World], least: f64) -> Vec<(Vec<World>, f64)> {
+/// its first map's place had. `is_held` tells whether pairs hold a map beside some others where it lies in the first
+/// world.
+pub fn parts(
+    maps: &[LocalMap],
+    worlds: &[World],
+    least: f64,
+    is_held: impl Fn(usize, &[usize]) -> bool,
+) -> Vec<(Vec<World>, f64)> {
     let first = &worlds[0];
     let poses: Vec<HashMap<usize, Se2>> =
         worlds.iter().map(|w| w.poses.iter().copied().collect()).collect();
@@ -164,20 +170,24 @@ pub fn parts(maps: &[LocalMap], worlds: &[World], least: f64) -> Vec<(Vec<World>
         1.0 - weight(&|w| agrees(w, lead, map) == Some(false)) / total
     };
     // A map that another one holds, which was split off, goes where that one goes: it must be seen to stay
-    // where that one does not.
-    let holds_without = |lead: usize, other: usize, map: usize| -> bool {
+    // where that one does not. Where no world moves that one, pairs tell.
+    let holds_without = |(members, _): &(Vec<usize>, f64), other: usize, map: usize| -> bool {
+        let lead = members[0];
         let moved = weight(&|w| agrees(w, lead, other) == Some(false));
         let stays = weight(&|w| {
             agrees(w, lead, other) == Some(false) && agrees(w, lead, map) == Some(true)
         });
-        moved > 0.0 && stays >= least * moved
+        match moved > 0.0 {
+            true => stays >= least * moved,
+            false => is_held(map, members),
+        }
     };
     let mut groups: Vec<(Vec<usize>, f64)> = Vec::new();
     for ((map, _), certainty) in first.poses.iter().zip(&first.certainties) {
         let sure = |g: &(Vec<usize>, f64)| {
             let lead = g.0[0];
             certainty * agreement(lead, *map) >= least
-                && groups.iter().all(|h| h.0[0] == lead || holds_without(lead, h.0[0], *map))
+                && groups.iter().all(|h| h.0[0] == lead || holds_without(g, h.0[0], *map))
         };
         // Of a map that no group holds by itself, the last that it is sure to lie to takes care.
         let near = |g: &(Vec<usize>, f64)| certainty * agreement(g.0[0], *map) >= least;
@@ -267,4 +277,31 @@ pub fn hypotheses(clusters: &[Cluster]) -> Vec<Hypothesis> {
         out = next;
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::grid::OccupancyGrid;
+
+    #[test]
+    fn what_pairs_hold_does_not_go_with_a_map_that_is_split_off() {
+        let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
+        let maps = vec![LocalMap::new(grid, &Config::default()); 3];
+        let world = World {
+            poses: (0..3).map(|m| (m, Se2::new(5.0 * m as f64, 0.0, 0.0))).collect(),
+            certainties: vec![1.0, 0.1, 0.95],
+            probability: 1.0,
+        };
+        let members = |is_held: bool| -> Vec<Vec<usize>> {
+            let held = |map: usize, by: &[usize]| is_held && map == 2 && by.contains(&0);
+            let parts = parts(&maps, std::slice::from_ref(&world), 0.85, held);
+            let of_part = |(w, _): &(Vec<World>, f64)| w[0].poses.iter().map(|(m, _)| *m).collect();
+            parts.iter().map(of_part).collect()
+        };
+        assert_eq!(members(true), [vec![0, 2], vec![1]]);
+        // It may be there for the sake of the one that is not sure alone.
+        assert_eq!(members(false), [vec![0], vec![1, 2]]);
+    }
 }

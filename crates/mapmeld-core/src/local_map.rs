@@ -221,6 +221,12 @@ impl LocalMap {
         self.center.is_none()
     }
 
+    /// False when nothing within a circle, its centre in the grid's axes and all in metres, can lie on the grid.
+    pub fn reaches(&self, at: Vec2, radius: f64) -> bool {
+        let (width, height) = self.extent();
+        at.x >= -radius && at.y >= -radius && at.x <= width + radius && at.y <= height + radius
+    }
+
     /// Extent of the known cells, as the sides of the grid, metres.
     pub fn extent(&self) -> (f64, f64) {
         let r = self.grid.resolution();

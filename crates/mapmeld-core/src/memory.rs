@@ -3,7 +3,7 @@
 //! Where a map may lie, and what its walls say there, changes only when a map is placed next to it. So both are
 //! remembered by what they depend on: the placed maps nearby.
 
-use crate::perception::{Overlay, WallEvidence};
+use crate::perception::{Layer, Overlay, WallEvidence};
 use crate::se2::Se2;
 use nalgebra::Matrix3;
 use std::collections::HashMap;
@@ -19,6 +19,9 @@ type Placed = Vec<(usize, [u64; 3])>;
 /// A map, the bits of its pose, and the layers nearby, by where they are kept.
 type Seen = (usize, [u64; 3], Vec<usize>);
 
+/// A layer, by where it is kept, a map and the bits of its pose.
+type Asked = (usize, usize, [u64; 3]);
+
 type Known<K, V> = Mutex<HashMap<K, V>>;
 
 /// See the module's text.
@@ -27,19 +30,27 @@ pub struct Memory {
     motions: Known<(usize, Placed), Arc<Vec<Motion>>>,
     looks: Known<Seen, Look>,
     similar: Known<(usize, Vec<usize>), Vec<Similar>>,
+    words: Known<Asked, Word>,
+}
+
+/// What one layer says of a map.
+#[derive(Clone)]
+struct Word {
+    evidence: WallEvidence,
+    /// Keeps the layer where it is.
+    _layer: Overlay,
 }
 
 /// What the walls of a map say at a pose, and the poses of the maps nearby.
 struct Similar {
     pose: Se2,
     placed: Vec<(usize, Se2)>,
-    evidence: WallEvidence,
+    evidence: Option<WallEvidence>,
 }
 
 #[derive(Clone)]
 struct Look {
-    pose: Se2,
-    evidence: WallEvidence,
+    found: Option<(Se2, WallEvidence)>,
     /// Keeps the layers where they are.
     _merged: Overlay,
 }
@@ -56,18 +67,34 @@ impl Memory {
         remembered(&self.motions, key, || Arc::new(work_out()))
     }
 
-    /// What the walls of a map say at a pose next to some layers of a merged map.
+    /// What the walls of a map say at a pose next to some layers of a merged map; none where it is hopeless.
     pub fn look(
         &self,
         (map, x): (usize, &Se2),
         (merged, layers): (&Overlay, Vec<usize>),
-        work_out: impl FnOnce() -> (Se2, WallEvidence),
-    ) -> (Se2, WallEvidence) {
-        let look = remembered(&self.looks, (map, bits(x), layers), || {
-            let (pose, evidence) = work_out();
-            Look { pose, evidence, _merged: merged.clone() }
+        work_out: impl FnOnce() -> Option<(Se2, WallEvidence)>,
+    ) -> Option<(Se2, WallEvidence)> {
+        let look = remembered(&self.looks, (map, bits(x), layers), || Look {
+            found: work_out(),
+            _merged: merged.clone(),
         });
-        (look.pose, look.evidence)
+        look.found
+    }
+
+    /// What one layer, the last of `top`, says of a map at a pose.
+    pub fn word(
+        &self,
+        (layer, top): (&Layer, impl FnOnce() -> Overlay),
+        (map, x): (usize, &Se2),
+        work_out: impl FnOnce() -> WallEvidence,
+    ) -> WallEvidence {
+        let key = (std::ptr::from_ref(layer) as usize, map, bits(x));
+        remembered(&self.words, key, || Word { evidence: work_out(), _layer: top() }).evidence
+    }
+
+    /// Forgets what single layers say: they are left behind where all is placed anew.
+    pub fn forget_words(&self) {
+        self.words.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// What the walls of a map say at a pose next to some placed maps, or at one so close to it next to the same
@@ -77,8 +104,8 @@ impl Memory {
         (map, x): (usize, &Se2),
         placed: &[(usize, Se2)],
         is_close: impl Fn(&Se2, &Se2) -> bool,
-        work_out: impl FnOnce() -> WallEvidence,
-    ) -> WallEvidence {
+        work_out: impl FnOnce() -> Option<WallEvidence>,
+    ) -> Option<WallEvidence> {
         let key = (map, placed.iter().map(|(m, _)| *m).collect::<Vec<usize>>());
         let lock = || self.similar.lock().unwrap_or_else(PoisonError::into_inner);
         let fits = |s: &&Similar| {

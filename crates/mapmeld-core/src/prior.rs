@@ -194,6 +194,18 @@ pub fn gathered(tied: &[(Cluster, Prior)], priors: &[Option<Prior>]) -> Cluster 
     world
 }
 
+/// Positions of the members that stay in place in a refinement: the first, and those that are pinned where it is.
+pub fn held(members: &[usize], priors: &[Option<Prior>]) -> Vec<usize> {
+    let is_pinned =
+        |m: &usize| priors.get(*m).and_then(Option::as_ref).is_some_and(|p| p.is_pinned);
+    let pinned: Vec<usize> = (0..members.len()).filter(|k| is_pinned(&members[*k])).collect();
+    match pinned[..] {
+        // A single pin may as well be where its walls lead it in this frame.
+        [] | [_] => vec![0],
+        _ => pinned,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

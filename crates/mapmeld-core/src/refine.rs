@@ -6,7 +6,7 @@
 //! Gauss-Newton for all poses at once. Poses that are held stay where they are.
 
 use crate::config::Config;
-use crate::local_map::LocalMap;
+use crate::local_map::{LocalMap, Patch};
 use crate::parallel;
 use crate::perception::likelihood;
 use crate::registration::climb::robust_weight;
@@ -181,43 +181,53 @@ fn normal_equations(
 
 /// Residuals of walls of b on walls of a, and the other way round, in the world frame.
 fn block(a: &LocalMap, b: &LocalMap, t_w_a: &Se2, t_w_b: &Se2, scale: f64) -> Block {
-    let mut out = Block {
-        h: Matrix6::zeros(),
-        g: Vector6::zeros(),
-        pulls: Matrix6::zeros(),
-        squares: 0.0,
-        weight: 0.0,
-    };
     let (ra, rb) = (t_w_a.to_rigid(), t_w_b.to_rigid());
+    // A wall turns with its own map, so both Jacobians are taken at the other map's point. That of a's pose is
+    // `-(nx, ny, c)`, c the turn of the point about a; that of b's is the same as seen from b, which `to_b` makes of
+    // it. So the sums are made of the former alone.
+    let pivot = t_w_a.translation();
+    let d = t_w_b.translation() - pivot;
+    let to_b = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, d.y, -d.x, 1.0);
+    let (mut h, mut pulls) = (Matrix3::zeros(), Matrix3::zeros());
+    let (mut g, mut squares, mut weight) = (Vector3::zeros(), 0.0, 0.0);
     let mut of_map = |from: &LocalMap,
                       to: &LocalMap,
                       t_to_from: Se2,
                       frames: (&Rigid, &Rigid),
                       sign: f64| {
-        for patch in &from.patches {
-            let mut pull = Vector6::zeros();
+        let to_axes = to.grid.origin().inverse().compose(&t_to_from).to_rigid();
+        let is_near = |p: &&Patch| to.reaches(to_axes.apply(p.center), p.radius);
+        for patch in from.patches.iter().filter(is_near) {
+            let mut pull = Vector3::zeros();
             each_match(from, &patch.samples, to, &t_to_from, frames, |point, normal, residual| {
-                // The wall turns with its own map, so both Jacobians are taken at the other map's point.
-                let row = |t: Vec2| {
-                    let r = point - t;
-                    Vector3::new(normal.x, normal.y, normal.y * r.x - normal.x * r.y)
-                };
-                let mut j = Vector6::zeros();
-                j.fixed_rows_mut::<3>(0).copy_from(&(-sign * row(t_w_a.translation())));
-                j.fixed_rows_mut::<3>(3).copy_from(&(sign * row(t_w_b.translation())));
+                let r = point - pivot;
+                let j = Vector3::new(normal.x, normal.y, normal.y * r.x - normal.x * r.y);
                 let w = robust_weight(residual, scale);
-                out.h += w * j * j.transpose();
-                out.g += w * residual * j;
+                let wj = w * j;
+                h += wj * j.transpose();
+                g += (sign * residual) * wj;
                 pull += robust_weight(residual, scale.max(WIDE)) * residual * j;
-                out.squares += w * residual * residual;
-                out.weight += w;
+                squares += w * residual * residual;
+                weight += w;
             });
-            out.pulls += pull * pull.transpose();
+            pulls += pull * pull.transpose();
         }
     };
     of_map(b, a, t_w_a.between(t_w_b), (&rb, &ra), 1.0);
     of_map(a, b, t_w_b.between(t_w_a), (&ra, &rb), -1.0);
-    out
+    let of_both = |own: Matrix3<f64>| {
+        let mut both = Matrix6::zeros();
+        let across = -own * to_b.transpose();
+        both.fixed_view_mut::<3, 3>(0, 0).copy_from(&own);
+        both.fixed_view_mut::<3, 3>(0, 3).copy_from(&across);
+        both.fixed_view_mut::<3, 3>(3, 0).copy_from(&across.transpose());
+        both.fixed_view_mut::<3, 3>(3, 3).copy_from(&(to_b * own * to_b.transpose()));
+        both
+    };
+    let mut of_poses = Vector6::zeros();
+    of_poses.fixed_rows_mut::<3>(0).copy_from(&-g);
+    of_poses.fixed_rows_mut::<3>(3).copy_from(&(to_b * g));
+    Block { h: of_both(h), g: of_poses, pulls: of_both(pulls), squares, weight }
 }
 
 /// Those of some samples of `from` that lie on like-oriented walls of `to`: world point, world normal,

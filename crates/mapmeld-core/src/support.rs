@@ -1,7 +1,8 @@
 //! Maps that lie where weak evidence from many has put them, though a pair that carries says otherwise.
 //!
 //! Walls that look alike all over a building add up. A map that no pair alone would put where it lies, while one
-//! would put it beside a map that is not sure to be there, is no surer than that other one.
+//! would put it beside a map that is not sure to be there, is no surer than that other one. Where many maps are
+//! looked at, some pair of two that are far apart carries by chance: it is outvoted by the pairs that are right.
 
 use crate::evidence::World;
 use crate::local_map::LocalMap;
@@ -11,9 +12,75 @@ use crate::result::Known;
 use crate::se2::Se2;
 use std::collections::HashMap;
 
+/// Most that one pair's probability counts for: what looks alike twice is no two independent mistakes.
+const SUREST: f64 = 0.999;
+
+/// Log odds of a pair being right.
+fn vote(probability: f64) -> f64 {
+    let p = probability.min(SUREST);
+    (p / (1.0 - p)).ln()
+}
+
+/// Whether pairs that alone would be merged put a map where it lies in a world, next to some of its other maps, more
+/// than elsewhere.
+pub fn is_held(
+    maps: &[LocalMap],
+    pairs: &PairTable,
+    world: &World,
+    map: usize,
+    by: &[usize],
+) -> bool {
+    let Some(x) = world.pose(map) else { return false };
+    let votes =
+        pairs.carried(map).filter(|(other, ..)| by.contains(other)).filter_map(|(other, t, p)| {
+            let agrees = is_there(maps, other, &x.compose(&t), &world.pose(other)?);
+            Some(if agrees { vote(p) } else { -vote(p) })
+        });
+    votes.sum::<f64>() > 0.0
+}
+
+/// How probable it is that the first map of a world belongs to the others, where pairs put it elsewhere for sure (by
+/// `least`): nobody doubts a reference otherwise, as all are placed as seen from it.
+pub fn of_first(
+    maps: &[LocalMap],
+    pairs: &PairTable,
+    world: &World,
+    known: &Known,
+    least: f64,
+) -> Option<f64> {
+    let (first, x) = *world.poses.first()?;
+    let is_given =
+        is_told(known, first) || known.order.as_ref().is_some_and(|o| o.contains(&first));
+    if is_given || world.poses.len() < 3 {
+        return None;
+    }
+    let votes = pairs.carried(first).map(|(other, t, p)| {
+        let there = world.pose(other).is_some_and(|y| is_there(maps, other, &x.compose(&t), &y));
+        if there {
+            vote(p)
+        } else {
+            -vote(p)
+        }
+    });
+    let votes: f64 = votes.sum();
+    (votes < -vote(least)).then(|| 1.0 / (1.0 + (-votes).exp()))
+}
+
+/// Whether anything is known of where a map lies.
+fn is_told(known: &Known, map: usize) -> bool {
+    known.priors.get(map).is_some_and(Option::is_some)
+        || known.relations.iter().any(|r| r.a == map || r.b == map)
+}
+
+fn is_there(maps: &[LocalMap], map: usize, x: &Se2, y: &Se2) -> bool {
+    let (distance, angle) = SAME_WORLD;
+    x.is_close_at(y, maps[map].center.unwrap_or_default(), distance, angle)
+}
+
 /// Lowers the certainties in a world of maps without support: if a map lies right and a pair is right, the
 /// pair's other map lies where both put it, so the first is at most as probable as that, or as the pair
-/// being wrong. `least` is how sure a map must be to support others.
+/// being wrong. So it does of maps that more pairs put elsewhere than where they lie: beside maps that are sure to lie
+/// elsewhere, or that the robot found no place for. `least` is how sure a map must be to support others.
 pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Known, least: f64) {
     let placed: HashMap<usize, (Se2, f64)> = world
         .poses
@@ -21,30 +88,32 @@ pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Kn
         .zip(&world.certainties)
         .map(|((m, x), certainty)| (*m, (*x, *certainty)))
         .collect();
-    let is_told = |m: usize| {
-        known.priors.get(m).is_some_and(Option::is_some)
-            || known.relations.iter().any(|r| r.a == m || r.b == m)
-    };
     // The probability that the other map lies where the first one and their pair put it.
     let there = |x: &Se2, other: usize, t: &Se2| -> f64 {
         let Some((y, certainty)) = placed.get(&other) else { return 0.0 };
-        let (distance, angle) = SAME_WORLD;
-        let center = maps[other].center.unwrap_or_default();
-        match x.compose(t).is_close_at(y, center, distance, angle) {
+        match is_there(maps, other, &x.compose(t), y) {
             true => *certainty,
             false => 1.0 - certainty,
         }
     };
     let others = world.poses.iter().zip(&mut world.certainties).skip(1);
-    for ((m, x), certainty) in others.filter(|((m, _), _)| !is_told(*m)) {
+    for ((m, x), certainty) in others.filter(|((m, _), _)| !is_told(known, *m)) {
         let carried = pairs.carried(*m).map(|(other, t, p)| (there(x, other, &t), p));
-        let (mut highest, mut least_of_all) = (0.0_f64, 1.0_f64);
+        let (mut highest, mut least_of_all, mut votes) = (0.0_f64, 1.0_f64, 0.0);
         for (there, p) in carried {
             highest = highest.max(there);
             least_of_all = least_of_all.min(there + 1.0 - p);
+            if there >= least {
+                votes += vote(p);
+            } else if there <= 1.0 - least {
+                votes -= vote(p);
+            }
         }
         if highest < least {
             *certainty = certainty.min(least_of_all);
+        } else if votes < 0.0 {
+            let votes = votes + vote(*certainty);
+            *certainty = certainty.min(1.0 / (1.0 + (-votes).exp()));
         }
     }
 }
@@ -82,6 +151,27 @@ mod tests {
     }
 
     #[test]
+    fn a_first_map_that_pairs_put_elsewhere_is_no_part_of_the_others() {
+        let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
+        let maps = vec![LocalMap::new(grid, &Config::default()); 5];
+        let at = |x: f64| Se2::new(x, 0.0, 0.0);
+        let poses = vec![(0, at(0.0)), (1, at(5.0)), (2, at(9.0))];
+        let world = World { poses, certainties: vec![1.0; 3], probability: 1.0 };
+        let of_first = |pairs: Vec<PairModes>, known: &Known| {
+            of_first(&maps, &PairTable::new(5, pairs), &world, known, 0.85)
+        };
+        let (here, there) = (pair((0, 1), at(5.0), 0.9), pair((0, 3), at(2.0), 0.9));
+        let other = pair((0, 4), at(2.0), 0.95);
+        let unknown = Known::default();
+        assert_eq!(of_first(vec![here.clone(), there.clone()], &unknown), None);
+        let both = vec![here, there, other];
+        assert!(of_first(both.clone(), &unknown).is_some_and(|p| p < 0.15));
+        // Who was told to begin there begins there.
+        let told = Known { order: Some(vec![0, 1]), ..Known::default() };
+        assert_eq!(of_first(both, &told), None);
+    }
+
+    #[test]
     fn a_map_is_no_surer_than_the_one_that_alone_holds_it() {
         let at = |x: f64| Se2::new(x, 0.0, 0.0);
         let held = pair((1, 2), at(4.0), 0.99);
@@ -98,6 +188,13 @@ mod tests {
         // A pair that carries supports the place, whatever else does not.
         let support = pair((0, 1), at(5.0), 0.9);
         near(doubted(vec![support, elsewhere], 0.3), [1.0, 0.9, 0.11]);
+        // So does one against one that is as sure of another place; one that is surer lowers what the walls say.
+        let elsewhere = pair((0, 2), at(-3.0), 0.9);
+        let (other, held) = (pair((1, 2), at(-3.0), 0.9), pair((1, 2), at(4.0), 0.9));
+        near(doubted(vec![elsewhere.clone(), held.clone()], 0.95), [1.0, 0.9, 0.95]);
+        let surer = pair((0, 2), at(-3.0), 0.95);
+        near(doubted(vec![surer, held], 0.95), [1.0, 0.9, 0.9]);
+        near(doubted(vec![elsewhere, other], 0.95), [1.0, 0.15, 0.1]);
         // Nothing carries: the evidence of all together counts.
         near(doubted(vec![pair((0, 1), at(5.0), 0.6)], 0.3), [1.0, 0.9, 0.3]);
     }

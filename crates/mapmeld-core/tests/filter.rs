@@ -47,12 +47,13 @@ fn ways(state: &State) -> Vec<usize> {
 struct Toy {
     step: [f64; 3],
     shares: bool,
+    settles: bool,
     proposals: AtomicUsize,
 }
 
 impl Toy {
     fn new(step: [f64; 3], shares: bool) -> Self {
-        Self { step, shares, proposals: AtomicUsize::new(0) }
+        Self { step, shares, settles: false, proposals: AtomicUsize::new(0) }
     }
 }
 
@@ -108,6 +109,17 @@ impl Model for Toy {
 
     fn is_same(&self, a: &State, b: &State) -> bool {
         self.shares && Arc::ptr_eq(a, b)
+    }
+
+    fn is_due(&self, state: &State) -> bool {
+        self.settles && ways(state).len() == 2
+    }
+
+    /// Where the way alone would have led.
+    fn settled(&self, state: &State) -> State {
+        let way = ways(state).into_iter().zip(STEPS.iter().take(2).rev());
+        let x = way.map(|(way, [length, ..])| WAYS[way].1 * length).sum();
+        Arc::new(Node { x, way: state.way, parent: state.parent.clone() })
     }
 }
 
@@ -290,4 +302,29 @@ fn successors_share_their_ancestors() {
         .map(Arc::as_ptr)
         .collect();
     assert_eq!(roots.len(), 1, "all stem from the one initial state");
+}
+
+#[test]
+fn states_that_are_due_are_settled_once_and_keep_their_story_and_weight() {
+    for resample_below in [0.0, 1.0] {
+        let mut plain = ParticleFilter::new(start(), 200, resample_below, 3);
+        let mut settling = plain.clone();
+        for (k, step) in STEPS.iter().take(3).enumerate() {
+            let model = Toy { settles: true, ..Toy::new(*step, true) };
+            let (a, b) = (plain.step(&Toy::new(*step, true)), settling.step(&model));
+            if k < 2 {
+                assert_eq!(a, b);
+            }
+            for (p, q) in plain.particles().iter().zip(settling.particles()) {
+                if k == 1 {
+                    assert_eq!(ways(&p.state), ways(&q.state));
+                    assert_eq!(p.log_weight, q.log_weight);
+                    assert!([1.0, 5.0].contains(&q.state.x.abs()), "at {}", q.state.x);
+                    assert_ne!(p.state.x, q.state.x);
+                } else if k == 0 {
+                    assert_eq!(p.state.x, q.state.x);
+                }
+            }
+        }
+    }
 }

@@ -5,8 +5,10 @@ mod common;
 use common::{any_frame, office, rng, Plan};
 use mapmeld_core::config::Config;
 use mapmeld_core::local_map::LocalMap;
-use mapmeld_core::perception::{placed, Overlay, WallEvidence};
+use mapmeld_core::perception::placed::Placed;
+use mapmeld_core::perception::{ceiling, placed, Overlay, WallEvidence};
 use mapmeld_core::se2::Se2;
+use rand::Rng;
 
 const CELL: f64 = 0.1;
 
@@ -101,4 +103,35 @@ fn a_bare_corridor_has_no_second_direction() {
     let ([a, b], t) = two(31);
     let e = placed::pair(&a, &b, &t, &config.perception);
     assert!(e.second_direction() > 0.2 * e.hits, "{e:?}");
+}
+
+/// Walls that speak for a pose lie under the ceiling, and most poses that they speak against clearly are told by it.
+#[test]
+fn no_pose_rises_above_its_ceiling() {
+    let p = Config::default().perception;
+    let (mut spoken_for, mut hopeless, mut told) = (0, 0, 0);
+    for seed in 0..6 {
+        let ([a, b], truth) = two(seed);
+        let mut rng = rng(seed + 50);
+        for k in 0..120 {
+            // About the truth, and anywhere.
+            let far = if k % 2 == 0 { 0.4 } else { 8.0 };
+            let mut by = |far: f64| rng.random_range(-far..far);
+            let t = truth.compose(&Se2::new(by(far), by(far), by(0.4 * far)));
+            let at = |map, t_world_map| [Placed { map, t_world_map, samples: None }];
+            let (a, b) = (at(&a, Se2::IDENTITY), at(&b, t));
+            let most = ceiling::between(&a, &b, &p);
+            let said = placed::between(&a, &b, &p).log_likelihood;
+            if said > 0.0 {
+                spoken_for += 1;
+                assert!(most > -5.0, "the walls say {said}, their ceiling is {most}");
+            }
+            if said < -60.0 {
+                hopeless += 1;
+                told += usize::from(most < -20.0);
+            }
+        }
+    }
+    assert!(spoken_for > 50 && hopeless > 50, "{spoken_for} spoken for, {hopeless} hopeless");
+    assert!(2 * told > hopeless, "{told} of {hopeless} hopeless poses are told");
 }

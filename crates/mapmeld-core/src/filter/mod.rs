@@ -49,6 +49,17 @@ pub trait Model: Sync {
         false
     }
 
+    /// Whether it is time to settle a state.
+    fn is_due(&self, _state: &Self::State) -> bool {
+        false
+    }
+
+    /// The same story, led to where all that was observed fits best: the noise of many draws adds up, and so does what
+    /// each of them did not know (resample and move: Gilks, Berzuini, "Following a moving target", 2001).
+    fn settled(&self, state: &Self::State) -> Self::State {
+        state.clone()
+    }
+
     /// True when both states are one and the same, or so close that one's modes serve the other as well.
     fn is_same(&self, _a: &Self::State, _b: &Self::State) -> bool {
         false
@@ -175,8 +186,7 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
             let state = model.advance(&p.state, &modes[g][chosen], &mut rng);
             (Particle { state, log_weight: p.log_weight * totals[g] }, 1)
         });
-        let moved = advanced.iter().map(|(_, moved)| moved).sum();
-        let after: Vec<Particle<S>> = advanced.into_iter().map(|(p, _)| p).collect();
+        let (after, moved): (Vec<Particle<S>>, Vec<usize>) = advanced.into_iter().unzip();
         let before = std::mem::replace(&mut self.particles, after);
 
         // Normalise; resample when few particles carry the weight.
@@ -186,7 +196,7 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         let effective_sample_size = effective_sample_size(&normalised);
         let resampled = effective_sample_size < self.resample_below * n as f64;
         let fared = Step {
-            advanced: moved,
+            advanced: moved.iter().sum(),
             effective_sample_size,
             weights: normalised,
             resampled,
@@ -197,6 +207,9 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
             let (before, after) = (&before, &self.particles);
             tell(&Told { step, before, leaders, modes, masses, after }, &fared);
         }
+        // Those that stayed have been settled, or are not worth it.
+        let went = self.particles.iter_mut().zip(&moved).filter(|(_, moved)| **moved > 0);
+        Self::settle(model, went.map(|(p, _)| p));
         if resampled {
             let start = stream(seed, step, u64::MAX).random();
             let log_weight = LogWeight(-(n as f64).ln());
@@ -210,6 +223,24 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
             }
         }
         fared
+    }
+
+    /// Settles the states that are due, those that are the same as one.
+    fn settle<'p, M: Model<State = S>>(
+        model: &M,
+        particles: impl Iterator<Item = &'p mut Particle<S>>,
+    ) where
+        S: 'p,
+    {
+        let mut settled: Vec<(S, S)> = Vec::new();
+        for p in particles.filter(|p| model.is_due(&p.state)) {
+            let known = settled.iter().position(|(before, _)| model.is_same(before, &p.state));
+            let k = known.unwrap_or_else(|| {
+                settled.push((p.state.clone(), model.settled(&p.state)));
+                settled.len() - 1
+            });
+            p.state = settled[k].1.clone();
+        }
     }
 }
 

@@ -62,7 +62,7 @@ impl Motion {
 /// A map that patches are pulled by, at its place.
 struct Puller<'a> {
     placed: Placed<'a>,
-    t_world_axes: Se2,
+    t_axes_world: Se2,
     to_axes: Rigid,
     /// Turns (x, y, theta) from the grid's axes to the world's.
     turn: Matrix3<f64>,
@@ -73,31 +73,34 @@ impl<'a> Puller<'a> {
         let t_world_axes = placed.t_world_map.compose(&placed.map.grid.origin());
         let (s, c) = t_world_axes.theta.sin_cos();
         let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
-        Self { placed: *placed, t_world_axes, to_axes: t_world_axes.inverse().to_rigid(), turn }
+        let t_axes_world = t_world_axes.inverse();
+        Self { placed: *placed, t_axes_world, to_axes: t_axes_world.to_rigid(), turn }
     }
 
     /// False when nothing within a circle, a point of the world and a radius in metres, can lie on the grid.
     fn sees(&self, center: Vec2, radius: f64) -> bool {
-        let (at, (width, height)) = (self.to_axes.apply(center), self.placed.map.extent());
-        at.x >= -radius && at.y >= -radius && at.x <= width + radius && at.y <= height + radius
+        self.placed.map.reaches(self.to_axes.apply(center), radius)
     }
 
     /// What the walls pull the probes of a patch towards, whose map's axes lie at `t_world_from`: information and
     /// gradient of (x, y, theta), turning about `at`, a point of the world.
     fn pull(
         &self,
-        probes: impl Iterator<Item = Probe>,
+        probes: &[Probe],
         t_world_from: &Se2,
         at: Vec2,
         scale: f64,
     ) -> (Matrix3<f64>, Vector3<f64>) {
-        let view = self.placed.map.probe_view(&self.t_world_axes.between(t_world_from));
+        // `t_axes_world * t_world_from`, whose sine and cosine are at hand.
+        let shift = self.to_axes.apply(t_world_from.translation());
+        let turn = self.t_axes_world.theta + t_world_from.theta;
+        let view = self.placed.map.probe_view(&Se2::from_parts(shift, turn));
         let at = self.to_axes.apply(at);
         let at = (at.x as f32, at.y as f32);
         let scale = (scale * scale) as f32;
         let (mut h, mut g) = ([0.0f32; 6], [0.0f32; 3]);
         for p in probes {
-            let Some(s) = view.see(&p) else { continue };
+            let Some(s) = view.see(p) else { continue };
             let Some(wall) = view.wall(&s, 0) else { continue };
             let residual = (s.x - wall.x) * wall.nx + (s.y - wall.y) * wall.ny;
             let turn = wall.ny * (s.x - at.0) - wall.nx * (s.y - at.1);
@@ -145,6 +148,9 @@ pub fn unbend<I: Iterator<Item = u32>>(
     let discount = step as f64 * from.spacing / config.correlation_length / (finest * finest);
     let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let motion = |p: &Patch| Motion::none(rigid.apply(p.center));
+    // Asked of in every round.
+    let probes_of = |k: usize| samples(k).map(|i| from.probes[i as usize]).collect();
+    let probes: Vec<Vec<Probe>> = (0..from.patches.len()).map(probes_of).collect();
     let mut motions: Vec<Motion> = from.patches.iter().map(motion).collect();
     let mut scale = 0.5 * reach;
     for _ in 0..ROUNDS {
@@ -158,8 +164,7 @@ pub fn unbend<I: Iterator<Item = u32>>(
             let at = here.center + here.shift;
             let near = pullers.iter().filter(|p| p.sees(at, patch.radius));
             for puller in near {
-                let probes = samples(k).map(|i| from.probes[i as usize]);
-                let of_walls = puller.pull(probes, &pose, at, scale);
+                let of_walls = puller.pull(&probes[k], &pose, at, scale);
                 h += discount * of_walls.0;
                 g += discount * of_walls.1;
             }

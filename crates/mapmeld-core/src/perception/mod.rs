@@ -1,6 +1,7 @@
 //! The perception model (paper, section 4) and the absolute likelihood that goes past it.
 
 pub mod bend;
+pub mod ceiling;
 pub mod gamma;
 pub mod likelihood;
 pub mod noise;

@@ -8,7 +8,7 @@ use crate::grid::Locator;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
-use crate::vicinity::Circle;
+use crate::vicinity::Outline;
 use std::sync::Arc;
 
 /// One placed map and what lies below it.
@@ -18,8 +18,8 @@ pub struct Layer {
     pub map: usize,
     /// Its pose: the virtual robot's x_t.
     pub t_world_map: Se2,
-    /// Around it, in the world.
-    pub circle: Circle,
+    /// What it covers, in the world.
+    pub outline: Outline,
     /// Probability that the map lies at one of the places that were followed when this one was, given the layers
     /// below.
     pub probability: f64,
@@ -50,9 +50,21 @@ impl Overlay {
         std::iter::successors(self.0.as_deref(), |layer| layer.below.0.as_deref())
     }
 
-    /// Those of the layers that may have something in common with what lies in a circle, last placed first.
-    pub fn near<'a>(&'a self, circle: &'a Circle) -> impl Iterator<Item = &'a Layer> {
-        self.layers().filter(|l| l.circle.is_near(circle))
+    /// Those of the layers that lie no farther than `slack`, metres, from what a map covers, last placed first.
+    pub fn near<'a>(&'a self, outline: &'a Outline, slack: f64) -> impl Iterator<Item = &'a Layer> {
+        self.layers().filter(move |l| l.outline.is_near(outline, slack))
+    }
+
+    /// This merged map without what lies on top of one of its layers; empty when it has no such layer.
+    pub fn from(&self, layer: &Layer) -> Overlay {
+        let mut top = self;
+        while let Some(here) = top.0.as_deref() {
+            if std::ptr::eq(here, layer) {
+                return top.clone();
+            }
+            top = &here.below;
+        }
+        Overlay::default()
     }
 
     /// True when both are the same merged map, by identity.
@@ -86,8 +98,8 @@ impl Overlay {
         cells: bool,
     ) -> Overlay {
         let m = &maps[map];
-        let circle = Circle::around(&m.grid, &t_world_map);
-        let near: Vec<&Layer> = self.near(&circle).collect();
+        let outline = Outline::of(&m.grid, &t_world_map);
+        let near: Vec<&Layer> = self.near(&outline, 0.0).collect();
         let below: Vec<(&LocalMap, Locator)> = near
             .iter()
             .map(|l| {
@@ -122,7 +134,7 @@ impl Overlay {
         Overlay(Some(Arc::new(Layer {
             map,
             t_world_map,
-            circle,
+            outline,
             probability,
             new_occupied: new_cells(true),
             new_free: new_cells(false),

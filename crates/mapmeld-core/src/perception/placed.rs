@@ -6,6 +6,7 @@ use crate::perception::bend;
 use crate::perception::likelihood::{self, WallEvidence};
 use crate::perception::overlay::Overlay;
 use crate::se2::Se2;
+use crate::vicinity::{Outline, BENT};
 
 /// A map at its place, and those of its wall samples that speak for it; none: all of them.
 #[derive(Clone, Copy)]
@@ -19,21 +20,22 @@ pub struct Placed<'a> {
 }
 
 impl Placed<'_> {
+    /// What it covers.
+    pub fn outline(&self) -> Outline {
+        Outline::of(&self.map.grid, &self.t_world_map)
+    }
+
     /// False when the grids are too far apart for any wall of one to lie on the other.
     pub fn may_touch(&self, other: &Placed) -> bool {
-        let circle = |p: &Placed| {
-            let (grid, (w, h)) = (&p.map.grid, p.map.extent());
-            let (middle_col, middle_row) = (0.5 * grid.width() as f64, 0.5 * grid.height() as f64);
-            (p.t_world_map.apply(grid.grid_to_map(middle_col, middle_row)), 0.5 * w.hypot(h))
-        };
-        let ((here, reach), (there, other_reach)) = (circle(self), circle(other));
-        (here - there).norm() <= reach + other_reach
+        self.outline().is_near(&other.outline(), 0.0)
     }
 
     /// What this map's samples say of the other maps.
-    fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
+    pub fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
         let t = &self.t_world_map;
-        let others: Vec<Placed> = others.iter().filter(|o| self.may_touch(o)).copied().collect();
+        let outline = self.outline();
+        let is_near = |o: &&Placed| o.outline().is_near(&outline, BENT);
+        let others: Vec<Placed> = others.iter().filter(is_near).copied().collect();
         let others = others.as_slice();
         if others.is_empty() {
             return WallEvidence::default();

@@ -17,6 +17,7 @@ use crate::perception::overlay::Layer;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
 use crate::prior::{self, Prior};
+use crate::refine;
 use crate::registration::SAME_WORLD;
 use crate::result::Known;
 use crate::se2::Se2;
@@ -27,6 +28,11 @@ use std::collections::HashMap;
 
 /// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
 const NOISE: (f64, f64) = (0.2, 0.04);
+
+/// Of many maps, from so many that are placed on, those that are placed are refined...
+const SETTLED_FROM: usize = 12;
+/// ... whenever there are so many times more of them.
+const SETTLED_EVERY: f64 = 1.25;
 
 /// A possible next pose of the virtual robot.
 #[derive(Debug, Clone)]
@@ -135,8 +141,10 @@ impl VirtualRobot<'_> {
         let merged = here.merged;
         let center = self.maps[map].center.unwrap_or_default();
         let mut seen: Vec<(Se2, Matrix3<f64>, WallEvidence)> = Vec::new();
-        for (_, x, covariance) in motions {
-            let (x, evidence) = self.look(merged, map, *x);
+        // Motions of one map lie too far apart for one to be told what another one was.
+        let looks = parallel::map(motions, |(_, x, _)| self.look(merged, map, *x));
+        for ((_, _, covariance), look) in motions.iter().zip(looks) {
+            let Some((x, evidence)) = look else { continue };
             if self.is_refused(merged, map, &x) {
                 continue;
             }
@@ -316,6 +324,24 @@ impl Model for VirtualRobot<'_> {
     /// What [`Memory::similar`] answers hangs on who asked first.
     fn learns(&self) -> bool {
         self.is_large()
+    }
+
+    fn is_due(&self, merged: &Overlay) -> bool {
+        let times = |n: usize| ((n as f64).ln() / SETTLED_EVERY.ln()) as usize;
+        let n = merged.layers().count();
+        self.is_large() && self.parts.is_none() && n >= SETTLED_FROM && times(n) > times(n - 1)
+    }
+
+    fn settled(&self, merged: &Overlay) -> Overlay {
+        let mut layers: Vec<&Layer> = merged.layers().collect();
+        layers.reverse();
+        let (members, poses): (Vec<usize>, Vec<Se2>) =
+            layers.iter().map(|l| (l.map, l.t_world_map)).unzip();
+        let held = prior::held(&members, &self.known.priors);
+        let refined = refine::refine(self.maps, &members, &poses, &held, self.known, self.config);
+        self.memory.forget_words();
+        let placed = layers.iter().zip(refined.poses);
+        placed.fold(Overlay::default(), |below, (l, x)| self.fold(&below, l.map, x, l.probability))
     }
 
     /// Particles that tell the same story, in whatever order, differ by the noise of their draws alone. The

@@ -1,0 +1,72 @@
+//! The most that walls can say for a pose, however maps are bent: what refuses hopeless poses at a glance.
+//!
+//! Every wall that has one of like orientation within reach is taken for a hit, however far that lies, and a wall
+//! speaks against the pose only where it lies so deep in clear free space that no bending excuses it.
+
+use crate::config::PerceptionConfig;
+use crate::perception::placed::Placed;
+use crate::probe::axes_of;
+use crate::se2::Se2;
+use crate::vicinity::Outline;
+
+/// Of the wall samples every so manieth is asked.
+const STRIDE: usize = 3;
+
+/// The most that two groups of placed maps may say of each other, nats, about: few of their samples are asked.
+pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> f64 {
+    let with_outlines = |placed: &[Placed]| placed.iter().map(Placed::outline).collect::<Vec<_>>();
+    let (outlines_a, outlines_b) = (with_outlines(a), with_outlines(b));
+    let of = |from: &[Placed], own: &[Outline], others: &[Placed], theirs: &[Outline]| -> f64 {
+        let said = from.iter().zip(own).map(|(p, outline)| {
+            let near = others.iter().zip(theirs).filter(|(_, o)| o.is_near(outline, 0.0));
+            one_way(p, &near.map(|(o, _)| o).collect::<Vec<_>>(), config)
+        });
+        said.sum()
+    };
+    0.5 * (of(a, &outlines_a, b, &outlines_b) + of(b, &outlines_b, a, &outlines_a))
+}
+
+/// The most that the samples of one map may say of others.
+fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 {
+    if others.is_empty() {
+        return 0.0;
+    }
+    let axes = |o: &&Placed| {
+        let t = o.t_world_map.between(&from.t_world_map);
+        axes_of(&o.map.grid, &from.map.grid, &t)
+    };
+    let axes: Vec<Se2> = others.iter().map(axes).collect();
+    let views = others.iter().zip(&axes).map(|(o, t)| (o.map, t.to_rigid(), o.map.probe_view(t)));
+    let views: Vec<_> = views.collect();
+    let mut is_asked = vec![from.samples.is_none(); from.map.samples.len()];
+    from.samples.unwrap_or_default().iter().for_each(|k| is_asked[*k as usize] = true);
+    let to_own_axes = from.map.grid.origin().inverse().to_rigid();
+    let excuses = [config.conflict, config.straight_conflict];
+    let mut sum = 0.0;
+    for patch in &from.map.patches {
+        let center = to_own_axes.apply(patch.center);
+        let near = views.iter().filter(|(map, t, _)| map.reaches(t.apply(center), patch.radius));
+        let near: Vec<_> = near.collect();
+        if near.is_empty() {
+            continue;
+        }
+        let asked = patch.samples.iter().filter(|k| is_asked[**k as usize]).step_by(STRIDE);
+        for p in asked.map(|k| &from.map.probes[*k as usize]) {
+            let (mut hits, mut conflicts) = (0.0, 0.0);
+            for (map, _, view) in &near {
+                let Some(seen) = view.see(p) else { continue };
+                if view.wall(&seen, 0).is_some() {
+                    hits += 1.0;
+                } else if map.conflict_shares[usize::from(map.depth.squared(seen.cell))] >= 1.0 {
+                    conflicts += 1.0;
+                }
+            }
+            if hits + conflicts > 0.0 {
+                let excuse = excuses[usize::from(p.straight)];
+                let against = conflicts * f64::from(p.conflict_weight) * excuse;
+                sum += (hits * config.hit * f64::from(p.weight) + against) / (hits + conflicts);
+            }
+        }
+    }
+    STRIDE as f64 * sum
+}

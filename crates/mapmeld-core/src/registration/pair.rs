@@ -15,11 +15,11 @@ use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
 /// Samples of both maps together that the very first look at a candidate takes.
-const GLIMPSE_SAMPLES: usize = 24;
+const GLIMPSE_SAMPLES: usize = 32;
 /// Samples that a second look takes.
 const BRIEF_SAMPLES: usize = 64;
 /// Samples that a longer look takes.
-const LONGER_SAMPLES: usize = 128;
+const LONGER_SAMPLES: usize = 200;
 /// Samples of each map that the first steps uphill follow.
 const FIRST_SAMPLES: usize = 80;
 /// Samples of each map that a climb follows.
@@ -29,7 +29,7 @@ const FINAL_SAMPLES: usize = 400;
 /// Modes of the mirror image, of which the best alone is asked for.
 const DECOYS: usize = 2;
 /// Steps shorter than this, in cells, end all climbs but the last.
-const NEAR: f64 = 0.1;
+const NEAR: f64 = 0.04;
 /// Modes that are weighed whatever their likelihood.
 const LEAST_MODES: usize = 3;
 /// Steps that every candidate worth a second look is led uphill.

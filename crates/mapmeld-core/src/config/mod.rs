@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 15] = [
-            -17.730, 0.137, -0.885, -0.374, -3.691, -1.593, 0.485, 1.252, 1.591, 3.152, -2.895, -2.227, 0.853,
-            -0.296, 0.842,
+            -16.771, 0.081, -0.797, -0.281, -3.382, -1.540, 0.508, 1.364, 1.477, 3.120, -3.555, -2.807, 0.819,
+            -0.314, 0.872,
         ],
         /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
         temperature: f64 = 2.0,

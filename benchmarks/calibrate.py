@@ -28,9 +28,10 @@ import trust_score
 from calibrate_rows import Row
 from mapmeld import default_config
 
-RIDGE = 3.0
+RIDGE = 1.0
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
-ACCEPTED = default_config()["evidence"]["min_probability"]
+EVIDENCE = default_config()["evidence"]
+ACCEPTED = EVIDENCE["min_probability"]
 """Probability from which maps are merged."""
 CACHE = bench_report.REPOSITORY / "target" / "calibrate"
 
@@ -91,8 +92,9 @@ def fit(features: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.f
 
 
 def predict(weights: NDArray[np.float64], features: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Probability of each row."""
-    p: NDArray[np.float64] = 1 / (1 + np.exp(-(weights[0] + features @ weights[1:])))
+    """Probability of each row, as the core makes it (`verdict::probability`)."""
+    walls = (features[:, 0] ** 2 - EVIDENCE["even_log_likelihood"]) / EVIDENCE["temperature"]
+    p: NDArray[np.float64] = 1 / (1 + np.exp(-np.minimum(weights[0] + features @ weights[1:], walls)))
     return p
 
 

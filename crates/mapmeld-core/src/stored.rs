@@ -33,7 +33,8 @@ pub fn root(config: &Config) -> [u8; 32] {
     // Which pairs are registered says nothing of any one of them.
     let registration = RegistrationConfig { partners: None, ..config.registration.clone() };
     // The verdict decides whether a pair's mirror image is tried.
-    let verdict = (&config.evidence.weights, config.evidence.least_followed);
+    let e = &config.evidence;
+    let verdict = (&e.weights, e.even_log_likelihood, e.temperature, e.least_followed);
     let stages = (&config.structure, &registration, &config.perception, verdict);
     hasher.update(&serde_json::to_vec(&stages).expect("options are numbers and names"));
     *hasher.finalize().as_bytes()

@@ -12,7 +12,7 @@ use crate::perception::WallEvidence;
 use crate::registration::{PairModes, Registered};
 
 /// Number of features, without the constant.
-pub const FEATURES: usize = 14;
+pub const FEATURES: usize = 15;
 
 /// What a pose's evidence is held against: facts of the maps, not of the pose.
 #[derive(Debug, Clone, Copy)]
@@ -65,17 +65,21 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
         cover,
         e.distinct_hits.ln_1p(),
         e.shared_floor.ln_1p(),
-        e.second_direction() / e.hits.max(1e-9),
+        // What breaks the straightness is what makes a place unique.
+        e.distinct_hits.ln_1p() - e.hits.ln_1p(),
         bent_straight,
         (e.spread / e.hits.max(1e-9)).min(3.0),
         // Panels as thin as a cell are seen from both sides.
         (share(e.opposed) + 0.03).ln(),
         cover * cover,
         bent_straight * e.distinct_hits.ln_1p(),
+        // Bending that costs most of what it gains.
+        e.bending / (e.log_likelihood.max(0.0) + 5.0),
     ]
 }
 
-/// Probability that a pose is right, in (0, 1).
+/// Probability that a pose is right, in (0, 1): that of the fitted model, and no more than the walls alone make it. Where
+/// little is seen, the model is asked for more than it was fitted to.
 pub fn probability(
     e: &WallEvidence,
     chance: f64,
@@ -85,7 +89,8 @@ pub fn probability(
     let [constant, weights @ ..] = &config.weights;
     let features = features(e, chance, background);
     let sum: f64 = features.iter().zip(weights).map(|(f, w)| f * w).sum();
-    1.0 / (1.0 + (-(constant + sum)).exp())
+    let walls = (e.log_likelihood - config.even_log_likelihood) / config.temperature;
+    1.0 / (1.0 + (-(constant + sum).min(walls)).exp())
 }
 
 /// The verdict on two maps alone, at one of the degrees of bending.

@@ -190,10 +190,12 @@ stage! {
         min_probability: f64 = 0.85,
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
-        weights: [f64; 15] = [
+        weights: [f64; 16] = [
             -16.771, 0.081, -0.797, -0.281, -3.382, -1.540, 0.508, 1.364, 1.477, 3.120, -3.555, -2.807, 0.819,
-            -0.314, 0.872,
+            -0.314, 0.872, 0.0,
         ],
+        /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
+        even_log_likelihood: f64 = 6.0,
         /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
         temperature: f64 = 2.0,
         /// Poses less probable than this are not followed.

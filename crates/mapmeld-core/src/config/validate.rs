@@ -74,6 +74,7 @@ impl Config {
         share("evidence.min_probability", self.evidence.min_probability)?;
         share("evidence.least_followed", self.evidence.least_followed)?;
         positive("evidence.temperature", self.evidence.temperature)?;
+        finite("evidence.even_log_likelihood", self.evidence.even_log_likelihood)?;
         for w in &self.evidence.weights {
             finite("evidence.weights", *w)?;
         }

@@ -8,7 +8,7 @@ use crate::local_map::LocalMap;
 use crate::registration::Registered;
 
 /// How much clearer of chance, in square roots of nats, each further degree of bending must stand.
-const WIDER: f64 = 0.3;
+const WIDER: f64 = 0.6;
 
 /// The degree of bending, by its index, at which the maps' best fits stand clearest of what chance reaches.
 pub fn how_bent(found: &[Registered], maps: &[&LocalMap]) -> usize {

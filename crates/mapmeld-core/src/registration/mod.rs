@@ -98,14 +98,8 @@ impl Rung {
     /// The modes that tell different stories, each told by its likeliest, most likely first. `center` is the
     /// centre of map b's known cells.
     pub fn stories(&self, center: Vec2) -> Vec<&Mode> {
-        let (distance, angle) = SAME_WORLD;
-        let mut told: Vec<&Mode> = Vec::new();
-        for m in &self.modes {
-            if !told.iter().any(|t| t.t_a_b.is_close_at(&m.t_a_b, center, distance, angle)) {
-                told.push(m);
-            }
-        }
-        told
+        let told = stories(self.modes.iter().map(|m| &m.t_a_b), center);
+        told.into_iter().map(|k| &self.modes[k]).collect()
     }
 
     /// The log-likelihood that chance and self-similarity reach with these maps: that of the best decoy, or of
@@ -114,6 +108,19 @@ impl Rung {
         let second = self.stories(center).get(1).map_or(0.0, |m| m.evidence.log_likelihood);
         self.decoy().max(second)
     }
+}
+
+/// Which of some poses tell different stories, each told by the first that does. `center` is the centre of map b's
+/// known cells.
+pub fn stories<'p>(poses: impl Iterator<Item = &'p Se2>, center: Vec2) -> Vec<usize> {
+    let (distance, angle) = SAME_WORLD;
+    let mut told: Vec<(usize, &Se2)> = Vec::new();
+    for (k, t) in poses.enumerate() {
+        if !told.iter().any(|(_, other)| other.is_close_at(t, center, distance, angle)) {
+            told.push((k, t));
+        }
+    }
+    told.into_iter().map(|(k, _)| k).collect()
 }
 
 /// All that the registration of a pair found, at the degree of bending that fits the maps.

@@ -7,7 +7,7 @@ use crate::registration::{
     climb::{self, Climb, STILL},
     corners, correlation,
     glance::Glance,
-    segments, Candidate, Mode, Registered, Rung, Source,
+    segments, stories, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
 use crate::verdict::{self, Background};
@@ -30,15 +30,15 @@ const FINAL_SAMPLES: usize = 400;
 const DECOYS: usize = 2;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.04;
-/// Modes that are weighed whatever their likelihood.
-const LEAST_MODES: usize = 3;
-/// Steps that every candidate worth a second look is led uphill.
+/// So many different stories are told at least, and so many poses more weighed if they are not, however unlikely.
+const LEAST_STORIES: usize = 2;
+/// Steps that every candidate that was looked at longest is led uphill.
 const FIRST_STEPS: usize = 6;
 
 /// Registers a pair: the modes of `T_a_b`, most likely first (paper, section 3: the possible motions
 /// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach; both at each
-/// standard deviation of the walls that is tried. The mirror image is not tried where no mode can stand. `hints` are transforms that are worth a climb whatever the
-/// sources say.
+/// standard deviation of the walls that is tried. The mirror image is not tried where no mode can stand. `hints` are
+/// transforms that are worth a climb whatever the sources say.
 pub fn register(
     ma: &LocalMap,
     mb: &LocalMap,
@@ -152,12 +152,14 @@ fn find_tops(
             Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0, still: STILL };
         let mut at_top = climbed(&few, &climb, rigid);
         at_top.extend(few);
-        let mut scored = finely(&at_top, 2 * FINAL_SAMPLES, rigid);
-        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+        let scored = finely(&at_top, 2 * FINAL_SAMPLES, rigid);
         // What strangers would fit as well is no mode, but some runner-up there must be.
-        let spoken_for = scored.iter().take_while(|(l, _)| *l > 0.0).count();
-        scored.truncate(spoken_for.max(LEAST_MODES));
-        distinct(scored, max_modes)
+        let (likely, unlikely): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(l, _)| *l > 0.0);
+        let mut tops = distinct(likely, max_modes);
+        if stories(tops.iter().map(|c| &c.t_a_b), center).len() < LEAST_STORIES {
+            tops.extend(distinct(unlikely, LEAST_STORIES));
+        }
+        tops
     });
     (candidates, at_each.collect())
 }

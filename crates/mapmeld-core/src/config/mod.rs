@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -16.771, 0.081, -0.797, -0.281, -3.382, -1.540, 0.508, 1.364, 1.477, 3.120, -3.555, -2.807, 0.819,
-            -0.314, 0.872, 0.0,
+            -14.113, 0.083, -0.839, -0.243, -3.978, -1.298, 0.503, 1.039, 2.060, 3.622, -7.730, -3.879, 1.143,
+            -0.518, 1.823, -2.213,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 6.0,

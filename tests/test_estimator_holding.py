@@ -153,7 +153,7 @@ def test_a_link_to_a_pinned_robot_stays_while_its_maps_stay() -> None:
     estimator.update(view("middle", (3.5, 6.25), TRUTH["middle"]))
     estimator.pin("left", TRUTH["left"])
     estimates = [estimator.estimate(maps_are_done=done) for done in (True, False, False, True, False)]
-    assert 0.85 < estimates[0].result.pairs[0].probability < 0.99
+    assert 0.8 < estimates[0].result.pairs[0].probability < 0.99
     assert [len(e.components) for e in estimates] == [1, 1, 1, 1, 1]
     assert estimates[-1].robot("middle").placements == 1
     # A pin that moves takes along what is linked to it.

@@ -7,6 +7,7 @@ use mapmeld_core::config::{Config, PerceptionConfig};
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::perception::bend::unbend;
+use mapmeld_core::perception::ceiling;
 use mapmeld_core::perception::likelihood;
 use mapmeld_core::perception::placed::{self, Placed};
 use mapmeld_core::se2::{Se2, Vec2};
@@ -60,6 +61,22 @@ fn a_straight_map_stays_as_it_is() {
             assert!(moved < 0.2 * CELL && pose.theta.abs() < 0.01, "{pose:?}");
         }
         assert!(found.cost < 0.5, "{}", found.cost);
+    }
+}
+
+/// A map whose far end lies a metre off is right still, once it is unbent.
+#[test]
+fn what_bending_mends_is_not_hopeless() {
+    let (config, rungs) = rungs();
+    let straight = LocalMap::new(office_off_by(0.0), &config);
+    let softest = rungs.last().unwrap();
+    for most in [0.5, 1.0] {
+        let bent = LocalMap::new(office_off_by(most), &config);
+        let [a, b] = [&straight, &bent]
+            .map(|map| [Placed { map, t_world_map: Se2::IDENTITY, samples: None }]);
+        let said = placed::between(&a, &b, softest).log_likelihood;
+        let ceiling = ceiling::between(&a, &b, softest);
+        assert!(said > 0.0 && ceiling > 0.9 * said, "off by {most} m: {said} under {ceiling}");
     }
 }
 

@@ -105,9 +105,9 @@ fn a_bare_corridor_has_no_second_direction() {
     assert!(e.second_direction() > 0.2 * e.hits, "{e:?}");
 }
 
-/// Walls that speak for a pose lie under the ceiling, and most poses that they speak against clearly are told by it.
+/// Poses that the walls speak for are not told hopeless, and most of those that they speak against clearly are.
 #[test]
-fn no_pose_rises_above_its_ceiling() {
+fn the_ceiling_tells_hopeless_poses() {
     let p = Config::default().perception;
     let (mut spoken_for, mut hopeless, mut told) = (0, 0, 0);
     for seed in 0..6 {

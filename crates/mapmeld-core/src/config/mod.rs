@@ -187,7 +187,7 @@ stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
         /// Least probability of a merge; below it maps stay apart.
-        min_probability: f64 = 0.85,
+        min_probability: f64 = 0.8,
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [

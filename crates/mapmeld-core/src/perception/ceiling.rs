@@ -1,7 +1,8 @@
 //! The most that walls can say for a pose, however maps are bent: what refuses hopeless poses at a glance.
 //!
 //! Every wall that has one of like orientation within reach is taken for a hit, however far that lies, and a wall
-//! speaks against the pose only where it lies so deep in clear free space that no bending excuses it.
+//! speaks against the pose only where it lies so deep in clear free space that it is a full conflict. Bending may take
+//! some of these out of there: the softer maps are, the less such a wall says. An estimate, from few of the samples.
 
 use crate::config::PerceptionConfig;
 use crate::perception::placed::Placed;
@@ -11,8 +12,10 @@ use crate::vicinity::Outline;
 
 /// Of the wall samples every so manieth is asked.
 const STRIDE: usize = 3;
+/// Drift, metres per square root of metre, up to which bending excuses next to nothing.
+const STIFF: f64 = 0.06;
 
-/// The most that two groups of placed maps may say of each other, nats, about: few of their samples are asked.
+/// The most that two groups of placed maps may say of each other, nats, about.
 pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> f64 {
     let with_outlines = |placed: &[Placed]| placed.iter().map(Placed::outline).collect::<Vec<_>>();
     let (outlines_a, outlines_b) = (with_outlines(a), with_outlines(b));
@@ -41,7 +44,8 @@ fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 
     let mut is_asked = vec![from.samples.is_none(); from.map.samples.len()];
     from.samples.unwrap_or_default().iter().for_each(|k| is_asked[*k as usize] = true);
     let to_own_axes = from.map.grid.origin().inverse().to_rigid();
-    let excuses = [config.conflict, config.straight_conflict];
+    let firmness = (STIFF / config.bend_shift).min(1.0);
+    let excuses = [config.conflict, config.straight_conflict].map(|c| c * firmness);
     let mut sum = 0.0;
     for patch in &from.map.patches {
         let center = to_own_axes.apply(patch.center);

@@ -91,10 +91,16 @@ def fit(features: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.f
     return np.concatenate([[w[0] - weights @ mean], weights])
 
 
+def log_odds(weights: NDArray[np.float64], features: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The log-odds that the fitted model gives each row."""
+    odds: NDArray[np.float64] = weights[0] + features @ weights[1:]
+    return odds
+
+
 def predict(weights: NDArray[np.float64], features: NDArray[np.float64]) -> NDArray[np.float64]:
     """Probability of each row, as the core makes it (`verdict::probability`)."""
     walls = (features[:, 0] ** 2 - EVIDENCE["even_log_likelihood"]) / EVIDENCE["temperature"]
-    p: NDArray[np.float64] = 1 / (1 + np.exp(-np.minimum(weights[0] + features @ weights[1:], walls)))
+    p: NDArray[np.float64] = 1 / (1 + np.exp(-np.minimum(log_odds(weights, features), walls)))
     return p
 
 

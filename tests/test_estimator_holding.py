@@ -150,7 +150,7 @@ def test_a_link_to_a_pinned_robot_stays_while_its_maps_stay() -> None:
     """It is clear enough for maps that are done, and not for a new link while they grow."""
     estimator = Estimator()
     estimator.update(LEFT)
-    estimator.update(view("middle", (3.5, 6.25), TRUTH["middle"]))
+    estimator.update(view("middle", (4.0, 6.25), TRUTH["middle"]))
     estimator.pin("left", TRUTH["left"])
     estimates = [estimator.estimate(maps_are_done=done) for done in (True, False, False, True, False)]
     assert 0.8 < estimates[0].result.pairs[0].probability < 0.99

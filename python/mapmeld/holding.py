@@ -40,7 +40,7 @@ class Hold:
     Raises MapmeldError for a value out of range.
     """
 
-    join: float = 0.99
+    join: float = 0.98
     keep: float = 0.5
     replace: float = 0.95
     noise_m: float = 0.2

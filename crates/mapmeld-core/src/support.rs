@@ -15,10 +15,19 @@ use std::collections::HashMap;
 /// Most that one pair's probability counts for: what looks alike twice is no two independent mistakes.
 const SUREST: f64 = 0.999;
 
-/// Log odds of a pair being right.
+/// What a pair counts for: its log odds. One that is more likely wrong than right, which carries where little is asked
+/// for, counts for nothing: it must not speak against what it finds.
 fn vote(probability: f64) -> f64 {
+    log_odds(probability.max(0.5))
+}
+
+fn log_odds(probability: f64) -> f64 {
     let p = probability.min(SUREST);
     (p / (1.0 - p)).ln()
+}
+
+fn probability(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds).exp())
 }
 
 /// Whether pairs that alone would be merged put a map where it lies in a world, next to some of its other maps, more
@@ -63,7 +72,7 @@ pub fn of_first(
         }
     });
     let votes: f64 = votes.sum();
-    (votes < -vote(least)).then(|| 1.0 / (1.0 + (-votes).exp()))
+    (votes < -vote(least)).then(|| probability(votes))
 }
 
 /// Whether anything is known of where a map lies.
@@ -82,6 +91,8 @@ fn is_there(maps: &[LocalMap], map: usize, x: &Se2, y: &Se2) -> bool {
 /// being wrong. So it does of maps that more pairs put elsewhere than where they lie: beside maps that are sure to lie
 /// elsewhere, or that the robot found no place for. `least` is how sure a map must be to support others.
 pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Known, least: f64) {
+    // However little is asked for: what is more likely wrong than right supports nothing.
+    let least = least.max(0.5);
     let placed: HashMap<usize, (Se2, f64)> = world
         .poses
         .iter()
@@ -112,8 +123,7 @@ pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Kn
         if highest < least {
             *certainty = certainty.min(least_of_all);
         } else if votes < 0.0 {
-            let votes = votes + vote(*certainty);
-            *certainty = certainty.min(1.0 / (1.0 + (-votes).exp()));
+            *certainty = certainty.min(probability(votes + log_odds(*certainty)));
         }
     }
 }
@@ -138,6 +148,10 @@ mod tests {
     }
 
     fn doubted(pairs: Vec<PairModes>, of_last: f64) -> Vec<f64> {
+        doubted_by(pairs, of_last, 0.85)
+    }
+
+    fn doubted_by(pairs: Vec<PairModes>, of_last: f64, least: f64) -> Vec<f64> {
         let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
         let maps = vec![LocalMap::new(grid, &Config::default()); 3];
         let at = |x: f64| Se2::new(x, 0.0, 0.0);
@@ -146,7 +160,7 @@ mod tests {
             certainties: vec![1.0, 0.9, of_last],
             probability: 1.0,
         };
-        doubt(&maps, &PairTable::new(3, pairs), &mut world, &Known::default(), 0.85);
+        doubt(&maps, &PairTable::new(3, pairs), &mut world, &Known::default(), least);
         world.certainties
     }
 
@@ -197,5 +211,32 @@ mod tests {
         near(doubted(vec![elsewhere, other], 0.95), [1.0, 0.15, 0.1]);
         // Nothing carries: the evidence of all together counts.
         near(doubted(vec![pair((0, 1), at(5.0), 0.6)], 0.3), [1.0, 0.9, 0.3]);
+    }
+
+    fn carried(pair: PairModes) -> PairModes {
+        PairModes { status: Status::Merged, ..pair }
+    }
+
+    #[test]
+    fn where_little_is_asked_for_no_pair_speaks_against_what_it_finds() {
+        let at = |x: f64| Se2::new(x, 0.0, 0.0);
+        let right = || carried(pair((0, 1), at(5.0), 0.4));
+        for least in [0.3, 0.0] {
+            assert_eq!(doubted_by(vec![right()], 0.3, least)[1], 0.9, "{least}");
+            // A map that a pair puts elsewhere is not sure, however little is asked for.
+            let wrong = pair((0, 1), at(-3.0), 0.99);
+            assert!(doubted_by(vec![wrong.clone()], 0.3, least)[1] < 0.02, "{least}");
+            let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
+            let maps = vec![LocalMap::new(grid, &Config::default()); 3];
+            let poses = vec![(0, at(0.0)), (1, at(5.0)), (2, at(9.0))];
+            let world = World { poses, certainties: vec![1.0; 3], probability: 1.0 };
+            let of_first = |pairs: Vec<PairModes>| {
+                of_first(&maps, &PairTable::new(3, pairs), &world, &Known::default(), least)
+            };
+            assert_eq!(of_first(vec![]), None, "{least}");
+            assert_eq!(of_first(vec![right()]), None, "{least}");
+            assert_eq!(of_first(vec![carried(pair((0, 1), at(-3.0), 0.4))]), None, "{least}");
+            assert!(of_first(vec![wrong]).is_some_and(|p| p < 0.5), "{least}");
+        }
     }
 }

@@ -67,7 +67,7 @@ impl Cluster {
         support::doubt(maps, pairs, &mut stories[0], known, config.evidence.min_probability);
         let held = |m: usize, by: &[usize]| support::is_held(maps, pairs, &stories[0], m, by);
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability, held);
-        let parts = Self::without_strays(maps, pairs, parts, known, config);
+        let parts = Self::without_strays(maps, pairs, (parts, &stories[0]), known, config);
         let lead = parts[0].0[0].poses[0].0;
         if let Some(t) = stories[0].pose(lead).filter(|_| stories[0].poses[0].0 != lead) {
             let into = t.inverse();
@@ -101,14 +101,15 @@ impl Cluster {
     fn without_strays(
         maps: &[LocalMap],
         pairs: &PairTable,
-        parts: Vec<(Vec<World>, f64)>,
+        (parts, whole): (Vec<(Vec<World>, f64)>, &World),
         known: &Known,
         config: &Config,
     ) -> Vec<(Vec<World>, f64)> {
         let least = config.evidence.min_probability;
         let (mut kept, mut strays) = (Vec::new(), Vec::new());
         for (worlds, share) in parts {
-            let Some(stray) = support::of_first(maps, pairs, &worlds[0], known, least) else {
+            let part = (&worlds[0], whole);
+            let Some(stray) = support::of_first(maps, pairs, part, known, least) else {
                 kept.push((worlds, share));
                 continue;
             };

@@ -48,27 +48,29 @@ pub fn is_held(
     votes.sum::<f64>() > 0.0
 }
 
-/// How probable it is that the first map of a world belongs to the others, where pairs put it elsewhere for sure (by
-/// `least`): nobody doubts a reference otherwise, as all are placed as seen from it.
+/// How probable it is that the first map of a part belongs to the others, where pairs put it elsewhere for sure (by
+/// `least`): nobody doubts a reference otherwise, as all are placed as seen from it. `whole` is the world that the
+/// part is of. Pairs that put the map where it lies, beside maps of other parts, say nothing of this one.
 pub fn of_first(
     maps: &[LocalMap],
     pairs: &PairTable,
-    world: &World,
+    (part, whole): (&World, &World),
     known: &Known,
     least: f64,
 ) -> Option<f64> {
-    let (first, x) = *world.poses.first()?;
+    let (first, _) = *part.poses.first()?;
+    let x = whole.pose(first)?;
     let is_given =
         is_told(known, first) || known.order.as_ref().is_some_and(|o| o.contains(&first));
-    if is_given || world.poses.len() < 3 {
+    if is_given || part.poses.len() < 3 {
         return None;
     }
     let votes = pairs.carried(first).map(|(other, t, p)| {
-        let there = world.pose(other).is_some_and(|y| is_there(maps, other, &x.compose(&t), &y));
-        if there {
-            vote(p)
-        } else {
-            -vote(p)
+        let there = whole.pose(other).is_some_and(|y| is_there(maps, other, &x.compose(&t), &y));
+        match (there, part.pose(other)) {
+            (true, Some(_)) => vote(p),
+            (true, None) => 0.0,
+            (false, _) => -vote(p),
         }
     });
     let votes: f64 = votes.sum();
@@ -172,7 +174,7 @@ mod tests {
         let poses = vec![(0, at(0.0)), (1, at(5.0)), (2, at(9.0))];
         let world = World { poses, certainties: vec![1.0; 3], probability: 1.0 };
         let of_first = |pairs: Vec<PairModes>, known: &Known| {
-            of_first(&maps, &PairTable::new(5, pairs), &world, known, 0.85)
+            of_first(&maps, &PairTable::new(5, pairs), (&world, &world), known, 0.85)
         };
         let (here, there) = (pair((0, 1), at(5.0), 0.9), pair((0, 3), at(2.0), 0.9));
         let other = pair((0, 4), at(2.0), 0.95);
@@ -183,6 +185,30 @@ mod tests {
         // Who was told to begin there begins there.
         let told = Known { order: Some(vec![0, 1]), ..Known::default() };
         assert_eq!(of_first(both, &told), None);
+    }
+
+    #[test]
+    fn pairs_to_other_parts_speak_against_a_first_map_where_its_world_does() {
+        let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
+        let maps = vec![LocalMap::new(grid, &Config::default()); 6];
+        let at = |x: f64| Se2::new(x, 0.0, 0.0);
+        // The part begins with the second map of its world, which lies half a turn off.
+        let lead = Se2::new(5.0, 0.0, std::f64::consts::PI);
+        let poses = vec![(0, at(0.0)), (1, lead), (2, at(9.0)), (3, at(2.0)), (4, at(3.0))];
+        let whole = World { poses, certainties: vec![1.0; 5], probability: 1.0 };
+        let part = whole.restricted(&[1, 2, 3]).unwrap();
+        let of_first = |pairs: Vec<PairModes>| {
+            let pairs = PairTable::new(6, pairs);
+            of_first(&maps, &pairs, (&part, &whole), &Known::default(), 0.85)
+        };
+        let (right, too) = (pair((0, 1), lead, 0.95), pair((1, 4), lead.between(&at(3.0)), 0.95));
+        assert_eq!(of_first(vec![right.clone(), too.clone()]), None);
+        // They say where it lies, not that this part does.
+        let wrong = |other: usize| pair((1, other), at(20.0), 0.9);
+        assert!(of_first(vec![right, too, wrong(2), wrong(3)]).is_some_and(|p| p < 0.15));
+        // Elsewhere than the world has it, or beside a map that it has nowhere.
+        let elsewhere = pair((0, 1), at(5.0), 0.9);
+        assert!(of_first(vec![elsewhere, wrong(5)]).is_some_and(|p| p < 0.15));
     }
 
     #[test]
@@ -231,7 +257,8 @@ mod tests {
             let poses = vec![(0, at(0.0)), (1, at(5.0)), (2, at(9.0))];
             let world = World { poses, certainties: vec![1.0; 3], probability: 1.0 };
             let of_first = |pairs: Vec<PairModes>| {
-                of_first(&maps, &PairTable::new(3, pairs), &world, &Known::default(), least)
+                let pairs = PairTable::new(3, pairs);
+                of_first(&maps, &pairs, (&world, &world), &Known::default(), least)
             };
             assert_eq!(of_first(vec![]), None, "{least}");
             assert_eq!(of_first(vec![right()]), None, "{least}");

@@ -65,7 +65,8 @@ impl Cluster {
         config: &Config,
     ) -> Vec<Cluster> {
         support::doubt(maps, pairs, &mut stories[0], known, config.evidence.min_probability);
-        let held = |m: usize, by: &[usize]| support::is_held(maps, pairs, &stories[0], m, by);
+        let placed = stories[0].placed();
+        let held = |m: usize, by: &[usize]| support::is_held(maps, pairs, &placed, m, by);
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability, held);
         let parts = Self::without_strays(maps, pairs, (parts, &stories[0]), known, config);
         let lead = parts[0].0[0].poses[0].0;

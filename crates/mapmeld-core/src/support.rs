@@ -30,19 +30,19 @@ fn probability(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
-/// Whether pairs that alone would be merged put a map where it lies in a world, next to some of its other maps, more
-/// than elsewhere.
+/// Whether pairs that alone would be merged put a map where it lies, next to some of the other maps that are `placed`,
+/// more than elsewhere.
 pub fn is_held(
     maps: &[LocalMap],
     pairs: &PairTable,
-    world: &World,
+    placed: &HashMap<usize, Se2>,
     map: usize,
     by: &[usize],
 ) -> bool {
-    let Some(x) = world.pose(map) else { return false };
+    let Some(x) = placed.get(&map) else { return false };
     let votes =
         pairs.carried(map).filter(|(other, ..)| by.contains(other)).filter_map(|(other, t, p)| {
-            let agrees = is_there(maps, other, &x.compose(&t), &world.pose(other)?);
+            let agrees = is_there(maps, other, &x.compose(&t), placed.get(&other)?);
             Some(if agrees { vote(p) } else { -vote(p) })
         });
     votes.sum::<f64>() > 0.0

@@ -80,6 +80,19 @@ impl World {
         self.poses.iter().copied().collect()
     }
 
+    /// Takes some of its maps out.
+    pub(crate) fn remove(&mut self, gone: &[usize]) {
+        let kept = self.poses.iter().zip(&self.certainties);
+        (self.poses, self.certainties) = kept.filter(|((m, _), _)| !gone.contains(m)).unzip();
+    }
+
+    /// Makes maps no surer than they are at `most`.
+    pub(crate) fn lower(&mut self, most: &HashMap<usize, f64>) {
+        for ((m, _), certainty) in self.poses.iter().zip(&mut self.certainties) {
+            *certainty = most.get(m).map_or(*certainty, |most| certainty.min(*most));
+        }
+    }
+
     /// Some of the maps, the first of which must be there, in its frame.
     pub(crate) fn restricted(&self, members: &[usize]) -> Option<World> {
         let t_lead_world = self.pose(members[0])?.inverse();
@@ -211,17 +224,23 @@ pub fn parts(
         }
     }
     let of_group = |(members, share): (Vec<usize>, f64)| {
-        let mut own: Vec<World> = Vec::new();
-        for w in worlds.iter().filter_map(|w| w.restricted(&members)) {
-            match own.iter_mut().find(|o| is_same_world(maps, &o.poses, &w.poses)) {
-                Some(o) => o.probability += w.probability,
-                None => own.push(w),
-            }
-        }
-        own[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        (own, share)
+        (united(maps, worlds.iter().filter_map(|w| w.restricted(&members))), share)
     };
     groups.into_iter().map(of_group).collect()
+}
+
+/// Worlds without those that are the same as another one: the first stays first, the rest are sorted, most probable
+/// first.
+pub(crate) fn united(maps: &[LocalMap], worlds: impl Iterator<Item = World>) -> Vec<World> {
+    let mut own: Vec<World> = Vec::new();
+    for w in worlds {
+        match own.iter_mut().find(|o| is_same_world(maps, &o.poses, &w.poses)) {
+            Some(o) => o.probability += w.probability,
+            None => own.push(w),
+        }
+    }
+    own[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    own
 }
 
 /// Standing of every map from the clusters, which are the components of the result.

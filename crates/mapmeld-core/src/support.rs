@@ -17,7 +17,7 @@ const SUREST: f64 = 0.999;
 
 /// What a pair counts for: its log odds. One that is more likely wrong than right, which carries where little is asked
 /// for, counts for nothing: it must not speak against what it finds.
-fn vote(probability: f64) -> f64 {
+pub fn vote(probability: f64) -> f64 {
     log_odds(probability.max(0.5))
 }
 
@@ -26,7 +26,8 @@ fn log_odds(probability: f64) -> f64 {
     (p / (1.0 - p)).ln()
 }
 
-fn probability(log_odds: f64) -> f64 {
+/// The probability that log odds are of.
+pub fn probability(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).exp())
 }
 
@@ -83,7 +84,8 @@ fn is_told(known: &Known, map: usize) -> bool {
         || known.relations.iter().any(|r| r.a == map || r.b == map)
 }
 
-fn is_there(maps: &[LocalMap], map: usize, x: &Se2, y: &Se2) -> bool {
+/// Whether two poses put a map at the same place.
+pub fn is_there(maps: &[LocalMap], map: usize, x: &Se2, y: &Se2) -> bool {
     let (distance, angle) = SAME_WORLD;
     x.is_close_at(y, maps[map].center.unwrap_or_default(), distance, angle)
 }
@@ -131,7 +133,7 @@ pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Kn
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::config::Config;
     use crate::evidence::Status;
@@ -140,7 +142,7 @@ mod tests {
     use crate::registration::{Mode, PairModes, Rung, Source};
     use nalgebra::Matrix3;
 
-    fn pair((a, b): (usize, usize), t_a_b: Se2, probability: f64) -> PairModes {
+    pub(crate) fn pair((a, b): (usize, usize), t_a_b: Se2, probability: f64) -> PairModes {
         let evidence = WallEvidence { log_likelihood: 50.0, ..WallEvidence::default() };
         let covariance = Matrix3::identity();
         let mode = Mode { t_a_b, covariance, evidence, log_odds: 0.0, source: Source::Corners };

@@ -16,7 +16,8 @@ use std::collections::HashMap;
 pub enum Status {
     /// Placed with others.
     Merged,
-    /// It belongs to others for sure, but not where: placed in a component of its own.
+    /// It belongs to others for sure, but not where; or pairs contradict the place that it had among them: placed in a
+    /// component of its own.
     Ambiguous,
     /// No other map shares enough walls with it: a component of its own.
     NoEvidence,

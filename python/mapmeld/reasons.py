@@ -45,7 +45,9 @@ def reason(
     if status == "ambiguous":
         likely = _places(name, hypotheses, centres[name])
         if not likely:
-            return "it belongs to other maps, but no place among them is probable: matches contradict it, or each other"
+            return (
+                "it belongs to other maps, but no place among them is probable: matches contradict each other"
+            )
         first, *others = [f"{p:.2f}" for p in likely[:3]]
         second = f", the next {' and '.join(others)}" if others else ""
         return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}"

@@ -31,7 +31,8 @@ class PlacedMap:
         blank map.
     status: "merged", "ambiguous" (it belongs to others, but more than one place is probable, or its
         matches contradict the place that it had: a component of its own), "no evidence" (no other map shares
-        enough walls with it: a component of its own), "blank" (nothing is known in it), "prior" (placed by what was known of its pose alone) or "pinned".
+        enough walls with it: a component of its own), "blank" (nothing is known in it), "prior" (placed by
+        what was known of its pose alone) or "pinned".
     probability: that the map lies where T_component_map says, 0..1; 0 for a blank map. Of an ambiguous map:
         that of its most probable place among the others.
     reason: why it stands so, a sentence with its numbers.

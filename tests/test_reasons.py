@@ -9,7 +9,8 @@ import pytest
 
 import mapmeld
 from mapmeld.grid import UNKNOWN, OccupancyGrid
-from mapmeld.result import MergeResult
+from mapmeld.reasons import reason
+from mapmeld.result import Hypothesis, HypothesisMap, MergeResult
 from rooms import building, hall
 
 
@@ -68,6 +69,17 @@ def test_a_room_that_a_half_turn_takes_to_itself_is_ambiguous() -> None:
         assert sorted(m.name for m in h.maps) == ["a", "b"], "each once"
     turn = [next(m for m in h.maps if m.name == ambiguous.name).T_component_map[2] for h in (first, second)]
     assert abs((turn[0] - turn[1] + np.pi) % (2 * np.pi) - np.pi) > 3.0
+
+
+def test_where_a_map_lies_alone_is_no_place_among_others() -> None:
+    T = np.zeros(3)
+
+    def told(component: int) -> str:
+        maps = (HypothesisMap("a", 0, T), HypothesisMap("b", component, T))
+        return reason("b", "ambiguous", {"b": T}, [], [Hypothesis(0.9, maps)], {"b": (0.0, 0.0)})
+
+    assert "the likeliest one has 0.90" in told(0)
+    assert "no place among them is probable" in told(1)
 
 
 def test_what_holds_a_map_is_named_wherever_its_frame_lies() -> None:

@@ -43,7 +43,12 @@ def reason(
     if status == "merged":
         return _merged(name, [p for p in own if _is_told(p, placed, centres)])
     if status == "ambiguous":
-        first, *others = [f"{p:.2f}" for p in _places(name, hypotheses, centres[name])[:3]] or ["little"]
+        likely = _places(name, hypotheses, centres[name])
+        if not likely:
+            return (
+                "it belongs to other maps, but no place among them is probable: matches contradict each other"
+            )
+        first, *others = [f"{p:.2f}" for p in likely[:3]]
         second = f", the next {' and '.join(others)}" if others else ""
         return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}"
     if every and not own:
@@ -139,11 +144,11 @@ def _other(pair: Pair, name: str) -> str:
 
 
 def _places(name: str, hypotheses: Sequence[Hypothesis], centre: Sequence[float]) -> list[float]:
-    """Probabilities of the places of a map, the likeliest first."""
+    """Probabilities of the places of a map beside others, the likeliest first."""
     found: list[tuple[NDArray[np.float64], float]] = []
     for h in hypotheses:
         for m in h.maps:
-            if m.name != name:
+            if m.name != name or not any(o.component == m.component and o.name != name for o in h.maps):
                 continue
             T = m.T_component_map
             at = next((k for k, (known, _) in enumerate(found) if is_one_place(T, known, centre)), None)

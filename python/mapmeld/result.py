@@ -29,9 +29,10 @@ class PlacedMap:
         the component, which is that of its reference map. None for a blank map.
     covariance: float64 (3, 3), of (x, y, theta) relative to the reference map, whose own is zero. None for a
         blank map.
-    status: "merged", "ambiguous" (it belongs to others, but more than one place is probable: a component of
-        its own), "no evidence" (no other map shares enough walls with it: a component of its own), "blank"
-        (nothing is known in it), "prior" (placed by what was known of its pose alone) or "pinned".
+    status: "merged", "ambiguous" (it belongs to others, but more than one place is probable, or its
+        matches contradict the place that it had: a component of its own), "no evidence" (no other map shares
+        enough walls with it: a component of its own), "blank" (nothing is known in it), "prior" (placed by
+        what was known of its pose alone) or "pinned".
     probability: that the map lies where T_component_map says, 0..1; 0 for a blank map. Of an ambiguous map:
         that of its most probable place among the others.
     reason: why it stands so, a sentence with its numbers.

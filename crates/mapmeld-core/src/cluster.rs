@@ -16,6 +16,7 @@ use crate::prior::{self, Prior};
 use crate::refine;
 use crate::result::Known;
 use crate::se2::Se2;
+use crate::strays::Strays;
 use crate::support;
 use nalgebra::Matrix3;
 
@@ -65,14 +66,12 @@ impl Cluster {
         config: &Config,
     ) -> Vec<Cluster> {
         support::doubt(maps, pairs, &mut stories[0], known, config.evidence.min_probability);
-        let held = |m: usize, by: &[usize]| support::is_held(maps, pairs, &stories[0], m, by);
+        let placed = stories[0].placed();
+        let held = |m: usize, by: &[usize]| support::is_held(maps, pairs, &placed, m, by);
         let parts = evidence::parts(maps, &stories, config.evidence.min_probability, held);
-        let parts = Self::without_strays(maps, pairs, parts, known, config);
-        let lead = parts[0].0[0].poses[0].0;
-        if let Some(t) = stories[0].pose(lead).filter(|_| stories[0].poses[0].0 != lead) {
-            let into = t.inverse();
-            stories.iter_mut().flat_map(|w| &mut w.poses).for_each(|(_, t)| *t = into.compose(t));
-        }
+        let found = Strays::of(maps, pairs, (parts, &stories[0]), known, config);
+        found.tell(maps, &mut stories);
+        let parts = found.parts;
         // What lies alone where all others were split off is as unsure as they are.
         let next = parts.get(1).map(|(_, share)| *share);
         let clusters = parts.into_iter().enumerate().map(|(k, (worlds, share))| {
@@ -95,31 +94,6 @@ impl Cluster {
             }
         });
         clusters.collect()
-    }
-
-    /// The same parts, each without its first map where pairs put that elsewhere; those maps come last.
-    fn without_strays(
-        maps: &[LocalMap],
-        pairs: &PairTable,
-        parts: Vec<(Vec<World>, f64)>,
-        known: &Known,
-        config: &Config,
-    ) -> Vec<(Vec<World>, f64)> {
-        let least = config.evidence.min_probability;
-        let (mut kept, mut strays) = (Vec::new(), Vec::new());
-        for (worlds, share) in parts {
-            let Some(stray) = support::of_first(maps, pairs, &worlds[0], known, least) else {
-                kept.push((worlds, share));
-                continue;
-            };
-            let members: Vec<usize> = worlds[0].poses.iter().map(|(m, _)| *m).collect();
-            let rest = worlds.iter().filter_map(|w| w.restricted(&members[1..]));
-            kept.push((rest.collect(), share));
-            let poses = vec![(members[0], Se2::IDENTITY)];
-            strays.push((vec![World { poses, certainties: vec![1.0], probability: 1.0 }], stray));
-        }
-        kept.extend(strays);
-        kept
     }
 
     /// Takes another member's frame.

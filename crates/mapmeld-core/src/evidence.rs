@@ -8,6 +8,7 @@ use crate::registration::SAME_WORLD;
 use crate::result::Placement;
 use crate::se2::Se2;
 use nalgebra::Matrix3;
+use std::cell::OnceCell;
 use std::collections::HashMap;
 
 /// The standing of a map.
@@ -15,7 +16,8 @@ use std::collections::HashMap;
 pub enum Status {
     /// Placed with others.
     Merged,
-    /// It belongs to others for sure, but not where: placed in a component of its own.
+    /// It belongs to others for sure, but not where; or pairs contradict the place that it had among them: placed in a
+    /// component of its own.
     Ambiguous,
     /// No other map shares enough walls with it: a component of its own.
     NoEvidence,
@@ -72,6 +74,24 @@ impl World {
     /// Where a map is, if it is placed.
     pub fn pose(&self, map: usize) -> Option<Se2> {
         self.poses.iter().find(|(m, _)| *m == map).map(|(_, x)| *x)
+    }
+
+    /// Where each of its maps is.
+    pub fn placed(&self) -> HashMap<usize, Se2> {
+        self.poses.iter().copied().collect()
+    }
+
+    /// Takes some of its maps out.
+    pub(crate) fn remove(&mut self, gone: &[usize]) {
+        let kept = self.poses.iter().zip(&self.certainties);
+        (self.poses, self.certainties) = kept.filter(|((m, _), _)| !gone.contains(m)).unzip();
+    }
+
+    /// Makes maps no surer than they are at `most`.
+    pub(crate) fn lower(&mut self, most: &HashMap<usize, f64>) {
+        for ((m, _), certainty) in self.poses.iter().zip(&mut self.certainties) {
+            *certainty = most.get(m).map_or(*certainty, |most| certainty.min(*most));
+        }
     }
 
     /// Some of the maps, the first of which must be there, in its frame.
@@ -152,8 +172,7 @@ pub fn parts(
     is_held: impl Fn(usize, &[usize]) -> bool,
 ) -> Vec<(Vec<World>, f64)> {
     let first = &worlds[0];
-    let poses: Vec<HashMap<usize, Se2>> =
-        worlds.iter().map(|w| w.poses.iter().copied().collect()).collect();
+    let poses: Vec<HashMap<usize, Se2>> = worlds.iter().map(World::placed).collect();
     // Whether a world puts a map where the first does, as seen from another map; none where it lacks one.
     let agrees = |w: usize, lead: usize, map: usize| -> Option<bool> {
         let seen = |w: usize| Some(poses[w].get(&lead)?.between(poses[w].get(&map)?));
@@ -171,23 +190,27 @@ pub fn parts(
     };
     // A map that another one holds, which was split off, goes where that one goes: it must be seen to stay
     // where that one does not. Where no world moves that one, pairs tell.
-    let holds_without = |(members, _): &(Vec<usize>, f64), other: usize, map: usize| -> bool {
-        let lead = members[0];
-        let moved = weight(&|w| agrees(w, lead, other) == Some(false));
-        let stays = weight(&|w| {
-            agrees(w, lead, other) == Some(false) && agrees(w, lead, map) == Some(true)
-        });
-        match moved > 0.0 {
-            true => stays >= least * moved,
-            false => is_held(map, members),
-        }
-    };
+    let holds_without =
+        |lead: usize, other: usize, map: usize, do_pairs: &dyn Fn() -> bool| -> bool {
+            let moved = weight(&|w| agrees(w, lead, other) == Some(false));
+            let stays = weight(&|w| {
+                agrees(w, lead, other) == Some(false) && agrees(w, lead, map) == Some(true)
+            });
+            match moved > 0.0 {
+                true => stays >= least * moved,
+                false => do_pairs(),
+            }
+        };
     let mut groups: Vec<(Vec<usize>, f64)> = Vec::new();
     for ((map, _), certainty) in first.poses.iter().zip(&first.certainties) {
         let sure = |g: &(Vec<usize>, f64)| {
             let lead = g.0[0];
+            // What pairs say is asked once, and only where worlds leave it to them.
+            let told = OnceCell::new();
+            let do_pairs = || *told.get_or_init(|| is_held(*map, &g.0));
+            let holds = |other: usize| holds_without(lead, other, *map, &do_pairs);
             certainty * agreement(lead, *map) >= least
-                && groups.iter().all(|h| h.0[0] == lead || holds_without(g, h.0[0], *map))
+                && groups.iter().all(|h| h.0[0] == lead || holds(h.0[0]))
         };
         // Of a map that no group holds by itself, the last that it is sure to lie to takes care.
         let near = |g: &(Vec<usize>, f64)| certainty * agreement(g.0[0], *map) >= least;
@@ -202,17 +225,23 @@ pub fn parts(
         }
     }
     let of_group = |(members, share): (Vec<usize>, f64)| {
-        let mut own: Vec<World> = Vec::new();
-        for w in worlds.iter().filter_map(|w| w.restricted(&members)) {
-            match own.iter_mut().find(|o| is_same_world(maps, &o.poses, &w.poses)) {
-                Some(o) => o.probability += w.probability,
-                None => own.push(w),
-            }
-        }
-        own[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        (own, share)
+        (united(maps, worlds.iter().filter_map(|w| w.restricted(&members))), share)
     };
     groups.into_iter().map(of_group).collect()
+}
+
+/// Worlds without those that are the same as another one: the first stays first, the rest are sorted, most probable
+/// first.
+pub(crate) fn united(maps: &[LocalMap], worlds: impl Iterator<Item = World>) -> Vec<World> {
+    let mut own: Vec<World> = Vec::new();
+    for w in worlds {
+        match own.iter_mut().find(|o| is_same_world(maps, &o.poses, &w.poses)) {
+            Some(o) => o.probability += w.probability,
+            None => own.push(w),
+        }
+    }
+    own[1..].sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    own
 }
 
 /// Standing of every map from the clusters, which are the components of the result.
@@ -284,6 +313,7 @@ mod tests {
     use super::*;
     use crate::config::Config;
     use crate::grid::OccupancyGrid;
+    use std::cell::RefCell;
 
     #[test]
     fn what_pairs_hold_does_not_go_with_a_map_that_is_split_off() {
@@ -303,5 +333,24 @@ mod tests {
         assert_eq!(members(true), [vec![0, 2], vec![1]]);
         // It may be there for the sake of the one that is not sure alone.
         assert_eq!(members(false), [vec![0], vec![1, 2]]);
+    }
+
+    #[test]
+    fn pairs_are_asked_once_for_each_map_and_part() {
+        let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
+        let maps = vec![LocalMap::new(grid, &Config::default()); 5];
+        let world = World {
+            poses: (0..5).map(|m| (m, Se2::new(5.0 * m as f64, 0.0, 0.0))).collect(),
+            certainties: vec![1.0, 0.1, 0.1, 0.1, 0.95],
+            probability: 1.0,
+        };
+        let asked = RefCell::new(Vec::new());
+        let held = |map: usize, by: &[usize]| {
+            asked.borrow_mut().push((map, by.to_vec()));
+            true
+        };
+        let parts = parts(&maps, std::slice::from_ref(&world), 0.85, held);
+        assert_eq!(parts.len(), 4);
+        assert_eq!(asked.into_inner(), [(4, vec![0])]);
     }
 }

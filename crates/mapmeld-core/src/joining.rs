@@ -129,6 +129,7 @@ fn travel_among(
         memory: Memory::default(),
     };
     let travelled = travel(robot, &of_clusters, observer, (listener, Some(clusters)))?;
+    // Each travel that takes in no other cluster leaves all as it was.
     if travelled.len() == clusters.len() {
         return Ok(None);
     }
@@ -138,6 +139,29 @@ fn travel_among(
             Cluster::join(maps, of_maps, clusters, (&worlds, steps), known, config)
         })
         .collect();
-    // What is split off again has not joined.
-    Ok((joined.len() < clusters.len()).then_some(joined))
+    let sizes = |c: &[Cluster]| c.iter().map(|c| c.members.len()).collect::<Vec<usize>>();
+    Ok(is_progress(&sizes(clusters), &sizes(&joined)).then_some(joined))
+}
+
+/// Whether clusters of such sizes have joined. What is split off again has not; where strays were split off from
+/// what joined, there may be as many clusters as before, and larger ones. Either can go on for so long only.
+fn is_progress(before: &[usize], after: &[usize]) -> bool {
+    let squares = |sizes: &[usize]| sizes.iter().map(|n| n * n).sum::<usize>();
+    after.len() < before.len() || (after.len() == before.len() && squares(after) > squares(before))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_join_counts_though_a_stray_was_split_off() {
+        assert!(is_progress(&[2, 2, 3], &[4, 3]));
+        // Two pairs joined, and a map of the third cluster lies alone.
+        assert!(is_progress(&[2, 2, 3], &[4, 2, 1]));
+        // The same again, by whatever members, is none, nor is falling apart.
+        assert!(!is_progress(&[2, 2, 3], &[3, 2, 2]));
+        assert!(!is_progress(&[4, 2, 1], &[3, 2, 2]));
+        assert!(!is_progress(&[3, 3], &[4, 1, 1]));
+    }
 }

@@ -58,6 +58,7 @@ pub mod snap;
 pub mod sparse;
 pub mod standing;
 pub mod stored;
+mod strays;
 pub mod structure;
 mod support;
 pub mod verdict;

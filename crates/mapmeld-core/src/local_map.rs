@@ -227,7 +227,7 @@ impl LocalMap {
         at.x >= -radius && at.y >= -radius && at.x <= width + radius && at.y <= height + radius
     }
 
-    /// Extent of the known cells, as the sides of the grid, metres.
+    /// Sides of the whole grid, unknown cells included: width and height, metres.
     pub fn extent(&self) -> (f64, f64) {
         let r = self.grid.resolution();
         (self.grid.width() as f64 * r, self.grid.height() as f64 * r)

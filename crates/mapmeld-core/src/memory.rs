@@ -8,7 +8,7 @@ use crate::se2::Se2;
 use nalgebra::Matrix3;
 use std::collections::HashMap;
 use std::hash::Hash;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Support, pose and covariance of a place where a map may lie.
 pub type Motion = (f64, Se2, Matrix3<f64>);
@@ -24,13 +24,16 @@ type Asked = (usize, usize, [u64; 3]);
 
 type Known<K, V> = Mutex<HashMap<K, V>>;
 
+/// From so many on what single layers say is forgotten, unless it is asked for again.
+const MANY_WORDS: usize = 1 << 16;
+
 /// See the module's text.
 #[derive(Default)]
 pub struct Memory {
     motions: Known<(usize, Placed), Arc<Vec<Motion>>>,
     looks: Known<Seen, Look>,
     similar: Known<(usize, Vec<usize>), Vec<Similar>>,
-    words: Known<Asked, Word>,
+    words: Mutex<Words>,
 }
 
 /// What one layer says of a map.
@@ -39,6 +42,33 @@ struct Word {
     evidence: WallEvidence,
     /// Keeps the layer where it is.
     _layer: Overlay,
+}
+
+/// What layers say, in two halves: once the newer one is full, the older one is forgotten. What is asked for again is
+/// new again, so what particles still need stays, and nothing else for long.
+#[derive(Default)]
+struct Words {
+    new: HashMap<Asked, Word>,
+    old: HashMap<Asked, Word>,
+}
+
+impl Words {
+    fn get(&mut self, key: &Asked) -> Option<WallEvidence> {
+        if let Some(word) = self.new.get(key) {
+            return Some(word.evidence);
+        }
+        let (key, word) = self.old.remove_entry(key)?;
+        let evidence = word.evidence;
+        self.insert(key, word);
+        Some(evidence)
+    }
+
+    fn insert(&mut self, key: Asked, word: Word) {
+        if self.new.len() >= MANY_WORDS {
+            self.old = std::mem::take(&mut self.new);
+        }
+        self.new.insert(key, word);
+    }
 }
 
 /// What the walls of a map say at a pose, and the poses of the maps nearby.
@@ -89,12 +119,22 @@ impl Memory {
         work_out: impl FnOnce() -> WallEvidence,
     ) -> WallEvidence {
         let key = (std::ptr::from_ref(layer) as usize, map, bits(x));
-        remembered(&self.words, key, || Word { evidence: work_out(), _layer: top() }).evidence
+        if let Some(known) = self.words().get(&key) {
+            return known;
+        }
+        let word = Word { evidence: work_out(), _layer: top() };
+        let evidence = word.evidence;
+        self.words().insert(key, word);
+        evidence
     }
 
     /// Forgets what single layers say: they are left behind where all is placed anew.
     pub fn forget_words(&self) {
-        self.words.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        *self.words() = Words::default();
+    }
+
+    fn words(&self) -> MutexGuard<'_, Words> {
+        self.words.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// What the walls of a map say at a pose next to some placed maps, or at one so close to it next to the same
@@ -139,4 +179,46 @@ fn remembered<K: Eq + Hash, V: Clone>(
     let value = work_out();
     lock().insert(key, value.clone());
     value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::grid::OccupancyGrid;
+    use crate::local_map::LocalMap;
+
+    #[test]
+    fn words_are_forgotten_unless_they_are_asked_for_again() {
+        let grid = OccupancyGrid::new("g", 2, 2, 0.1, Se2::IDENTITY, vec![0; 4]).unwrap();
+        let maps = vec![LocalMap::new(grid, &Config::default())];
+        let merged = Overlay::default().with(&maps, 0, Se2::IDENTITY, 1.0, false);
+        let layer = merged.layers().next().unwrap();
+        let memory = Memory::default();
+        let mut worked_out = 0;
+        let mut ask = |k: usize| {
+            let evidence = WallEvidence { log_likelihood: k as f64, ..WallEvidence::default() };
+            let x = Se2::new(k as f64, 0.0, 0.0);
+            let word = memory.word((layer, || merged.clone()), (1, &x), || {
+                worked_out += 1;
+                evidence
+            });
+            assert_eq!(word, evidence);
+        };
+        let n = 5 * MANY_WORDS;
+        for k in 0..n {
+            ask(k);
+            // This one is needed all the time.
+            ask(0);
+        }
+        ask(1);
+        assert_eq!(worked_out, n + 1);
+        let kept = |memory: &Memory| {
+            let words = memory.words();
+            words.new.len() + words.old.len()
+        };
+        assert!(kept(&memory) <= 2 * MANY_WORDS);
+        memory.forget_words();
+        assert_eq!(kept(&memory), 0);
+    }
 }

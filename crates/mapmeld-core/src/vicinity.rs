@@ -7,7 +7,7 @@ use crate::se2::{Se2, Vec2};
 /// How far walls may be moved while maps are compared, metres: more than climbing and bending ever do.
 pub const SLACK: f64 = 3.0;
 
-/// How far bending alone moves walls, metres, at the most.
+/// How far bending alone moves walls, metres: hardly ever more than this.
 pub const BENT: f64 = 1.0;
 
 /// A circle around a placed map.

@@ -55,8 +55,8 @@ impl Overlay {
         self.layers().filter(move |l| l.outline.is_near(outline, slack))
     }
 
-    /// This merged map without what lies on top of one of its layers; empty when it has no such layer.
-    pub fn from(&self, layer: &Layer) -> Overlay {
+    /// This merged map up to one of its layers, without what lies on top of that; empty when it has no such layer.
+    pub fn up_to(&self, layer: &Layer) -> Overlay {
         let mut top = self;
         while let Some(here) = top.0.as_deref() {
             if std::ptr::eq(here, layer) {
@@ -64,6 +64,7 @@ impl Overlay {
             }
             top = &here.below;
         }
+        debug_assert!(false, "no layer of this merged map");
         Overlay::default()
     }
 
@@ -87,8 +88,8 @@ impl Overlay {
             .collect()
     }
 
-    /// Folds a local map in at a pose, one of those at which it lies with some probability. With `cells` the new cells of each
-    /// class are worked out, which Psi and gamma need.
+    /// Folds a local map in at a pose, one of those at which it lies with some probability. With `cells` the new
+    /// cells of each class are worked out, which Psi and gamma need.
     pub fn with(
         &self,
         maps: &[LocalMap],

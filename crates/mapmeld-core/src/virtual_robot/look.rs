@@ -62,7 +62,7 @@ impl VirtualRobot<'_> {
             sum.add(&local[0].tally_against(&placed, p), 0.5);
             for (layer, placed) in near.iter().zip(&placed) {
                 // Of all that is placed only the last is new.
-                let asked = (*layer, || merged.from(layer));
+                let asked = (*layer, || merged.up_to(layer));
                 let word = self.memory.word(asked, (map, &x), || placed.tally_against(&local, p));
                 sum.add(&word, 0.5);
             }

@@ -216,27 +216,26 @@ def test_choosing_a_hypothesis_makes_the_solve_take_it(tmp_path: Path) -> None:
 
 def test_choosing_keeps_apart_what_the_hypothesis_leaves_out(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "halmstad_E5_half"
-    grids = [read_map(p) for p in sorted(folder.glob("*.yaml")) if p.stem[:2] in ("00", "01", "10", "11")]
+    grids = [read_map(p) for p in sorted(folder.glob("*.yaml")) if p.stem[:2] in ("01", "03", "07", "13")]
     bench = workbench(grids, tmp_path)
     bench.solve()
     assert len(bench.desk.result.components) == 1  # type: ignore[union-attr]
-    # Both are about as likely, so either may be the first.
     told = {h["says"]: h for h in bench.state()["hypotheses"]}
-    shown, other = (list(told).index(says) for says in ("as it is shown", "10_E5_11 apart"))
-    assert (told["10_E5_11 apart"]["poses"], told["10_E5_11 apart"]["apart"]) == ({}, ["10_E5_11"])
+    shown, other = (list(told).index(says) for says in ("as it is shown", "13_E5_14 apart"))
+    assert (told["13_E5_14 apart"]["poses"], told["13_E5_14 apart"]["apart"]) == ({}, ["13_E5_14"])
     # What is shown already is not said once more.
     before = bench.desk
     with pytest.raises(MapmeldError, match=f"hypothesis {shown + 1} is what is shown already"):
         bench.choose(shown)
     assert bench.desk is before
-    assert "10_E5_11 forbidden to match" in bench.choose(other)
-    links = {("01_E5_02", "10_E5_11"), ("10_E5_11", "11_E5_12")}
+    assert "13_E5_14 forbidden to match" in bench.choose(other)
+    links = {(name, "13_E5_14") for name in ("01_E5_02", "03_E5_04", "07_E5_08")}
     assert set(bench.desk.known.forbidden) == links
     with pytest.raises(MapmeldError, match="said already; solve again"):
         bench.choose(other)
     bench.solve()
-    assert status(bench) == dict.fromkeys(("00_E5_01", "01_E5_02", "11_E5_12"), "merged") | {
-        "10_E5_11": "no evidence"
+    assert status(bench) == dict.fromkeys(("01_E5_02", "03_E5_04", "07_E5_08"), "merged") | {
+        "13_E5_14": "no evidence"
     }
     bench.save()
     saved = json.loads((tmp_path / "out" / "result.json").read_text())["known"]["forbidden"]
@@ -244,8 +243,8 @@ def test_choosing_keeps_apart_what_the_hypothesis_leaves_out(shared_data: Path, 
     # What was said of the map is not overruled silently.
     for _ in range(2):
         bench.undo()
-    bench.pin("10_E5_11")
-    with pytest.raises(MapmeldError, match="10_E5_11 apart, and it is pinned; let it go"):
+    bench.pin("13_E5_14")
+    with pytest.raises(MapmeldError, match="13_E5_14 apart, and it is pinned; let it go"):
         bench.choose(other)
 
 

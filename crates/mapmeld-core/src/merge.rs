@@ -183,6 +183,7 @@ pub(crate) fn registered(
     observer: Observer,
 ) -> Result<Found> {
     let maps = lent.maps.as_slice();
+    let config = &Config { evidence: config.evidence.among(maps.len()), ..config.clone() };
     let wanted = partners::pairs(maps, known, config);
     let (found, fresh) = cache.register(lent, &wanted, hints(known), config, observer)?;
     let (forbidden, told): (Vec<_>, Vec<_>) =

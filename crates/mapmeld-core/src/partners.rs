@@ -22,7 +22,7 @@ use std::f64::consts::{PI, TAU};
 /// Up to so many maps every pair is registered, unless the options say otherwise.
 pub const ALL_PAIRS_UP_TO: usize = 40;
 /// Partners of a map where there are more maps than that.
-pub const PARTNERS: usize = 24;
+pub const PARTNERS: usize = 18;
 
 /// Most marks of a map, corners first.
 const MAX_MARKS: usize = 160;

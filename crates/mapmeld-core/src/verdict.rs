@@ -14,6 +14,18 @@ use crate::registration::{PairModes, Registered};
 /// Number of features, without the constant.
 pub const FEATURES: usize = 15;
 
+/// Maps among which chance is asked no more often than the fitted model expects.
+const FEW: usize = 40;
+
+impl EvidenceConfig {
+    /// The same among so many maps: each is held against more strangers, some of which look alike by chance, so less
+    /// doubt is allowed. Where two large parts meet, one such pair would put all of one in the wrong place.
+    pub fn among(&self, maps: usize) -> Self {
+        let share = FEW as f64 / maps.max(FEW) as f64;
+        Self { min_probability: 1.0 - (1.0 - self.min_probability) * share, ..self.clone() }
+    }
+}
+
 /// What a pose's evidence is held against: facts of the maps, not of the pose.
 #[derive(Debug, Clone, Copy)]
 pub struct Background {
@@ -146,5 +158,18 @@ pub fn weigh(poses: &[&WallEvidence], of: &Background, config: &EvidenceConfig) 
     Verdict {
         probabilities: odds.into_iter().map(|o| first * o).collect(),
         is_carried: carried >= config.min_probability,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_maps_allow_less_doubt() {
+        let least = |maps| EvidenceConfig::default().among(maps).min_probability;
+        let few = EvidenceConfig::default().min_probability;
+        assert_eq!([least(0), least(2), least(40)], [few; 3]);
+        assert!((1.0 - least(400) - 0.1 * (1.0 - few)).abs() < 1e-12);
     }
 }

@@ -47,7 +47,7 @@ stage! {
         /// Most corners of a map that are matched, those with the longest arms first.
         max_corners: usize = 150,
         /// Partners that a map is registered with, those that an index of corners and walls finds the most
-        /// promising; none: all other maps up to 40 maps, 24 where there are more. As many as there are maps: all.
+        /// promising; none: all other maps up to 40 maps, 18 where there are more. As many as there are maps: all.
         partners: Option<usize> = None,
         /// Candidates of a pair that are refined, best first by their walls.
         shortlist: usize = 40,

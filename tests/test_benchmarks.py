@@ -127,10 +127,11 @@ def test_the_fit_finds_the_weights_it_was_made_with(monkeypatch: pytest.MonkeyPa
 
 
 def test_what_is_left_out_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two buildings whose features mean the opposite: each is judged by the other's. Walls enough (20^2 nats)."""
+    """Two buildings whose features mean the opposite: each is judged by the other's."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     import calibrate
 
+    # The root of the log-likelihood comes first: walls enough.
     rows = [
         {"features": [20.0, sign * value], "right": value > 0, "buildings": [name], "group": name}
         for name, sign in (("plus", 1.0), ("minus", -1.0))

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from mapmeld import ConfigError, _core, default_config, load_config
-from mapmeld.config import effective_config, overlay, parse_setting
+from mapmeld.config import effective_config, least_probability, overlay, parse_setting
 from rooms import assert_refused, hall, run_cli, save
 
 # For the options whose value is neither a number nor None: another value than the default.
@@ -189,3 +189,9 @@ def test_the_command_line_names_the_place(tmp_path: Path) -> None:
     assert_refused(run_cli(*to, "--resolution", 0), "--resolution", "positive")
     assert_refused(run_cli(*to, "--resolution", "nan"), "--resolution", "finite")
     assert not (tmp_path / "out").exists()
+
+
+def test_many_maps_are_asked_for_more() -> None:
+    config = effective_config({"evidence": {"min_probability": 0.7}})
+    assert [least_probability(config, n) for n in (2, 40)] == pytest.approx([0.7, 0.7])
+    assert least_probability(config, 120) == pytest.approx(0.9)

@@ -30,6 +30,14 @@ def default_config() -> dict[str, Any]:
     return options
 
 
+def least_probability(config: Mapping[str, Any], maps: int) -> float:
+    """Least probability of a merge among so many maps: evidence.min_probability, and more from 41 maps on.
+
+    config: all options, as effective_config gives them.
+    """
+    return _core.least_probability(config["evidence"]["min_probability"], maps)
+
+
 def effective_config(config: Mapping[str, Any], source: str = "config") -> dict[str, Any]:
     """All options: those of `config`, and the defaults for the rest.
 

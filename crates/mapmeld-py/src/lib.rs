@@ -19,6 +19,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<local_map::LocalMap>()?;
     m.add_class::<session::Session>()?;
     m.add_function(wrap_pyfunction!(local_map::default_config, m)?)?;
+    m.add_function(wrap_pyfunction!(local_map::least_probability, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::effective_config, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::register, m)?)?;
     m.add_function(wrap_pyfunction!(local_map::weigh, m)?)?;

@@ -18,6 +18,14 @@ pub fn default_config() -> String {
     Config::default().to_json()
 }
 
+/// Least probability of a merge among so many maps, where two alone are asked for `min_probability`.
+#[pyfunction]
+pub fn least_probability(min_probability: f64, maps: usize) -> f64 {
+    core::config::EvidenceConfig { min_probability, ..Default::default() }
+        .among(maps)
+        .min_probability
+}
+
 /// All options as JSON: those given, and the defaults for the rest.
 #[pyfunction]
 pub fn effective_config(config: &str) -> PyResult<String> {

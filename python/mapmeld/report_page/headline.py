@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from mapmeld.config import least_probability
 from mapmeld.report_page.story import Story
 
 _MOST_NAMES = 4
@@ -57,7 +58,7 @@ def headline(story: Story) -> list[str]:
     best = best_apart(story)
     if best is not None:
         a, b, probability = best
-        asked = found["config"]["evidence"]["min_probability"]
+        asked = least_probability(found["config"], len(found["maps"]))
         out.append(
             f"The best match across is {a} with {b}, with probability {probability:.3f} for these two alone; "
             f"{asked:g} is asked for, and that no other place is as good."

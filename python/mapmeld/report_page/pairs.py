@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mapmeld.config import least_probability
 from mapmeld.frames import is_one_place
 from mapmeld.reasons import Lack, lack_of
 from mapmeld.report_page.links import Bond, bonds
@@ -43,7 +44,7 @@ def pair_rows(story: Story, held: Sequence[Bond] | None = None) -> list[PairRow]
     nearest to the one that is asked for, in log odds. held: the components' bonds, None to find them here."""
     held = bonds(story) if held is None else held
     weakest = {(b.weakest.a, b.weakest.b): b for b in held if b.weakest is not None}
-    asked = _log_odds(story.found["config"]["evidence"]["min_probability"])
+    asked = _log_odds(least_probability(story.found["config"], len(story.found["maps"])))
 
     def doubt(p: Mapping[str, Any]) -> tuple[Any, ...]:
         distance = abs(_log_odds(p["probability"]) - asked)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapmeld import se2
+from mapmeld.config import least_probability
 from mapmeld.frames import is_one_place
 from mapmeld.report_page.story import Story
 
@@ -52,7 +53,7 @@ def places(name: str, story: Story) -> list[Place]:
 def places_words(name: str, story: Story) -> str:
     """The places as a list, or that only one is likely."""
     found = places(name, story)
-    asked = story.found["config"]["evidence"]["min_probability"]
+    asked = least_probability(story.found["config"], len(story.found["maps"]))
     if not found:
         return "No arrangement that was kept puts it beside another map."
     if len(found) == 1:

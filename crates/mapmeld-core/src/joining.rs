@@ -117,12 +117,13 @@ fn travel_among(
     let order = first.map(|c| vec![c]);
     let of_clusters = Known { order, priors, relations, ..Known::default() };
     let overlays = parallel::map(clusters, |c| c.overlay(maps));
+    let bridging = Config { evidence: config.evidence.of_bridges(maps.len()), ..config.clone() };
     let robot = VirtualRobot {
         maps: merged,
         pairs,
         open: vec![true; merged.len()],
         order: None,
-        config,
+        config: &bridging,
         rung,
         known: &of_clusters,
         parts: Some(Parts { maps, overlays: &overlays, known, pairs: of_maps }),

@@ -26,6 +26,18 @@ impl EvidenceConfig {
     }
 }
 
+/// How much less doubt is allowed where one answer places all maps of a part.
+const BRIDGE: f64 = 0.25;
+
+impl EvidenceConfig {
+    /// The same for parts of so many maps in all, many: nothing holds a bridge but itself, long walls of large parts add
+    /// up wherever corridors are alike, and a wrong one puts all maps of a part in the wrong place.
+    pub fn of_bridges(&self, maps: usize) -> Self {
+        let share = if maps > FEW { BRIDGE } else { 1.0 };
+        Self { min_probability: 1.0 - (1.0 - self.min_probability) * share, ..self.clone() }
+    }
+}
+
 /// What a pose's evidence is held against: facts of the maps, not of the pose.
 #[derive(Debug, Clone, Copy)]
 pub struct Background {
@@ -171,5 +183,8 @@ mod tests {
         let few = EvidenceConfig::default().min_probability;
         assert_eq!([least(0), least(2), least(40)], [few; 3]);
         assert!((1.0 - least(400) - 0.1 * (1.0 - few)).abs() < 1e-12);
+        let bridge = |maps| EvidenceConfig::default().of_bridges(maps).min_probability;
+        assert_eq!(bridge(40), few);
+        assert!((1.0 - bridge(41) - 0.25 * (1.0 - few)).abs() < 1e-12);
     }
 }

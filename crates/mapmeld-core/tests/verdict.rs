@@ -59,6 +59,8 @@ fn what_speaks_against_a_pose_lowers_its_probability() {
     assert!(at(&plain, 50.0) < p, "what chance reaches");
     assert!(at(&WallEvidence { conflicts: 8.0, ..plain }, 8.0) < p, "walls in free space");
     assert!(at(&WallEvidence { straight_conflicts: 4.0, conflicts: 4.0, ..plain }, 8.0) < p);
-    assert!(at(&WallEvidence { directions: [0.1, 0.0, 30.0], ..plain }, 8.0) < p, "one direction");
+    assert!(at(&WallEvidence { distinct_hits: 1.0, ..plain }, 8.0) < p, "straight walls alone");
+    assert!(at(&WallEvidence { bending: 60.0, ..plain }, 8.0) < p, "dear bending");
+    assert!(at(&WallEvidence { log_likelihood: 4.0, ..plain }, 0.0) < 0.5, "less than six nats");
     assert!(at(&WallEvidence { shared_floor: 2.0, ..plain }, 8.0) < p, "walls glued back to back");
 }

@@ -13,6 +13,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from mapmeld_ros.node import MapMerge
 
 RCLError = rclpy_implementation.RCLError
+AWAKE = 0.5
+"""Seconds after which an idle node looks whether it was interrupted."""
 
 
 def main(args: list[str] | None = None) -> int:
@@ -30,7 +32,9 @@ def main(args: list[str] | None = None) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        executor.spin()
+        # A signal that comes just before the executor waits wakes nobody, and an idle node has no timer.
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=AWAKE)
     except ExternalShutdownException:
         pass
     except RCLError:

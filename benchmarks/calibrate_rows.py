@@ -177,4 +177,4 @@ def _prepared(path: Path) -> _core.LocalMap:
 
 @lru_cache(maxsize=128)
 def _mirrored(path: Path) -> _core.LocalMap:
-    return _prepared(path).mirrored("{}")
+    return _prepared(path).mirrored()

@@ -53,7 +53,7 @@ class Prepared:
             prepared = _core.LocalMap(g.name, data, g.resolution, list(g.origin), "{}")
             self.ms[m.path] = 1e3 * (time.process_time() - started)
             self.cells[m.path] = g.data.size
-            self._maps[m.path] = (prepared, prepared.mirrored("{}"))
+            self._maps[m.path] = (prepared, prepared.mirrored())
         return self._maps[m.path]
 
 
@@ -140,7 +140,7 @@ def _peers(pairs: Sequence[MapPair], ours: Sequence[float], prepared: Prepared) 
     whole = []
     for p, ms in zip(pairs, ours, strict=True):
         started = time.process_time()
-        prepared.get(p.b)[0].mirrored("{}")
+        prepared.get(p.b)[0].mirrored()
         mirror = 1e3 * (time.process_time() - started)
         whole.append(ms + mirror + prepared.ms[p.a.path] + prepared.ms[p.b.path])
     rows = [

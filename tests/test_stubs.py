@@ -52,7 +52,7 @@ def test_returned_dicts_have_the_keys_of_the_stub() -> None:
     candidates, modes = _core.register(*seen, "{}")
     assert candidates > 0
     assert set(modes[0]) == keys["_Mode"]
-    weighed = _core.weigh(*seen, seen[1].mirrored("{}"), "{}")
+    weighed = _core.weigh(*seen, seen[1].mirrored(), "{}")
     assert set(weighed) == keys["_Weighed"]
     source, pose = _core.candidates(*seen, "{}")[0]
     assert (type(source), len(pose)) == (str, 3)

@@ -156,7 +156,7 @@ fn register(c: &mut Criterion) {
     c.bench_function("wall evidence of a pair unbent at a pose", |t| {
         t.iter(|| placed::pair(a, b, black_box(&t_a_b), p))
     });
-    let mirrored = b.mirrored(&config);
+    let mirrored = b.mirrored();
     c.bench_function("register a pair", |t| {
         t.iter(|| pair::register(a, b, None, &[], (0, 1), black_box(&config)))
     });
@@ -172,7 +172,7 @@ fn travel(c: &mut Criterion) {
     let mut pairs = Vec::new();
     for a in 0..n {
         for b in a + 1..n {
-            let mirrored = maps[b].mirrored(&config);
+            let mirrored = maps[b].mirrored();
             let found = pair::register(&maps[a], &maps[b], Some(&mirrored), &[], (a, b), &config);
             pairs.push(verdict::of_pair(found, 0, [&maps[a], &maps[b]], &config.evidence));
         }

@@ -199,7 +199,7 @@ impl Cache {
             .collect();
         let root = stored::root(config);
         let stored_key = |k: usize| stored::key(&root, (keys[k].0, keys[k].1), &hints[k]);
-        let mirrors = observed(&unseen, Stage::Register, observer, |b| maps[*b].mirrored(config));
+        let mirrors = observed(&unseen, Stage::Register, observer, |b| maps[*b].mirrored());
         for (b, made) in unseen.iter().zip(mirrors.parts) {
             if let Some(value) = made {
                 self.mirrors.insert(digests[*b], Kept { value, used });

@@ -91,6 +91,12 @@ impl OccupancyGrid {
         Ok(Self { name, width, height, resolution, origin, cells })
     }
 
+    /// The mirror image, in the same place: columns turned over.
+    pub fn mirrored(&self) -> Self {
+        let cells = turned_over(&self.cells, self.width);
+        Self { name: self.name.clone(), cells, ..*self }
+    }
+
     /// What results call this map.
     pub fn name(&self) -> &str {
         &self.name
@@ -170,6 +176,13 @@ impl OccupancyGrid {
         }
         (n > 0).then(|| self.grid_to_map(sc as f64 / n as f64 + 0.5, sr as f64 / n as f64 + 0.5))
     }
+}
+
+/// Rows of so many values, each from its last to its first.
+pub(crate) fn turned_over<T: Copy>(values: &[T], columns: usize) -> Vec<T> {
+    let mut out = Vec::with_capacity(values.len());
+    values.chunks_exact(columns).for_each(|row| out.extend(row.iter().rev()));
+    out
 }
 
 /// Turns coordinates of a frame into cells of one grid; see [`OccupancyGrid::locator_from`].

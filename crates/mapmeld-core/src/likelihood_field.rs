@@ -114,6 +114,19 @@ impl LikelihoodField {
         Self { nearest, walls: boundary.iter().map(wall).collect() }
     }
 
+    /// The field of the mirror image of a grid so many columns and metres wide, whose boundary has the mirrored
+    /// points in the same order.
+    pub fn mirrored(&self, columns: usize, width: f64) -> Self {
+        let cell = |at: &[u16; DIRECTIONS]| -> [u16; DIRECTIONS] {
+            std::array::from_fn(|b| at[(DIRECTIONS + DIRECTIONS / 2 - b) % DIRECTIONS])
+        };
+        let mut nearest = Vec::with_capacity(self.nearest.len());
+        let rows = self.nearest.chunks_exact(columns);
+        rows.for_each(|row| nearest.extend(row.iter().rev().map(cell)));
+        let wall = |w: &Wall| Wall { x: (width - f64::from(w.x)) as f32, nx: -w.nx, ..*w };
+        Self { nearest, walls: self.walls.iter().map(wall).collect() }
+    }
+
     /// The nearest wall point of an octant at a cell; none within reach.
     #[inline(always)]
     pub fn wall(&self, cell: usize, octant: usize) -> Option<&Wall> {

@@ -1,5 +1,7 @@
 //! One robot's map, prepared: everything later stages look up, computed once.
 
+mod mirror;
+
 use crate::boundary::{self, BoundaryPoint};
 use crate::config::Config;
 use crate::distance::DistanceTable;
@@ -184,16 +186,6 @@ impl LocalMap {
             cells: class_cells(&self.grid, class, self.max_cells),
             distance: DistanceTable::to_class(&self.grid, class),
         })
-    }
-
-    /// The mirror image of a map: like it in every statistic, and like no place it was made in.
-    pub fn mirrored(&self, config: &Config) -> Self {
-        let g = &self.grid;
-        let cells: Vec<i8> =
-            g.cells().chunks_exact(g.width()).flat_map(|row| row.iter().rev().copied()).collect();
-        let grid =
-            OccupancyGrid::new(g.name(), g.width(), g.height(), g.resolution(), g.origin(), cells);
-        Self::new(grid.expect("as valid as the map it mirrors"), config)
     }
 
     /// The likelihood field as seen from another frame.

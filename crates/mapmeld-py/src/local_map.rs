@@ -102,9 +102,8 @@ impl LocalMap {
     }
 
     /// The mirror image: like the map in every statistic, and like no place it was made in.
-    fn mirrored(&self, config: &str) -> PyResult<Self> {
-        let config = convert::config(config)?;
-        Ok(Self { inner: Arc::new(self.inner.mirrored(&config)) })
+    fn mirrored(&self) -> Self {
+        Self { inner: Arc::new(self.inner.mirrored()) }
     }
 
     /// Number of free, occupied and unknown cells.

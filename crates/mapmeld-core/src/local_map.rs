@@ -8,8 +8,11 @@ use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::likelihood_field::{FieldView, LikelihoodField, ProbeView};
 use crate::probe::{self, Probe};
-use crate::registration::coarse_table::CoarseTable;
-use crate::registration::correlation;
+use crate::registration::{
+    coarse_table::CoarseTable,
+    correlation,
+    glance::{self, Samples},
+};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
 use std::collections::HashMap;
@@ -77,6 +80,8 @@ pub struct LocalMap {
     pub samples: Vec<WallSample>,
     /// The same as registration asks them.
     pub probes: Vec<Probe>,
+    /// Some of them, all over the map, for a first look at a pose.
+    pub glimpses: Vec<Samples>,
     /// Weight of the walls by direction in the grid's axes, see [`correlation::turns`].
     pub turns: Box<[f32; correlation::BINS]>,
     /// The wall samples in patches of a few metres.
@@ -165,6 +170,7 @@ impl LocalMap {
             corners,
             patches: patches(&samples),
             turns: Box::new(correlation::turns(&probes)),
+            glimpses: glance::samples(&probes),
             probes,
             samples,
             field,

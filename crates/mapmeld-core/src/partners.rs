@@ -295,9 +295,7 @@ pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
         let proposed = index.proposed(*map, &marks, &centers);
         let mut glanced: Vec<(f32, usize, Se2)> = proposed
             .into_iter()
-            .map(|(other, t)| {
-                (Glance::new(&maps[*map], &maps[other]).score(&t, 2 * SAMPLES), other, t)
-            })
+            .map(|(other, t)| (Glance::new(&maps[*map], &maps[other]).score(&t), other, t))
             .collect();
         glanced.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         glanced.truncate(MAX_CLIMBS);

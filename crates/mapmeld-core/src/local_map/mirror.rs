@@ -3,7 +3,7 @@
 use crate::boundary::BoundaryPoint;
 use crate::local_map::{ClassCells, LocalMap, Patch, WallSample};
 use crate::probe::Probe;
-use crate::registration::{coarse_table::CoarseTable, correlation};
+use crate::registration::{coarse_table::CoarseTable, correlation, glance};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{Corner, Line};
 use std::sync::OnceLock;
@@ -97,6 +97,7 @@ impl LocalMap {
         Self {
             coarse: CoarseTable::new(&grid, &boundary, &field, &depth),
             turns: Box::new(correlation::turns(&probes)),
+            glimpses: glance::samples(&probes),
             lines: self.lines.iter().map(|l| mirror.line(l)).collect(),
             corners: self.corners.iter().map(|c| mirror.corner(c)).collect(),
             samples: self.samples.iter().map(sample).collect(),

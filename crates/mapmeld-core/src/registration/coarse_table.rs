@@ -5,7 +5,8 @@ use crate::boundary::BoundaryPoint;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::likelihood_field::{LikelihoodField, DIRECTIONS};
-use crate::probe::{Axes, Probe};
+use crate::probe::Axes;
+use crate::registration::glance::{Samples, AT_ONCE};
 
 /// Side of a coarse cell, metres, where the table stays small enough.
 const CELL: f64 = 0.2;
@@ -49,6 +50,9 @@ pub struct Wide {
     pub runs: [Vec<Run>; DIRECTIONS + 1],
 }
 
+/// Agreement of each direction, and last the contradiction, whatever the direction: a wall that is no agreement.
+type CoarseCell = [i8; DIRECTIONS + 1];
+
 /// See the module's text. Rows and columns are those of the grid's axes.
 #[derive(Debug, Clone)]
 pub struct CoarseTable {
@@ -58,10 +62,8 @@ pub struct CoarseTable {
     pub width: usize,
     /// Number of rows.
     pub height: usize,
-    /// Agreement, one table for each direction.
-    agree: Vec<i8>,
-    /// Contradiction, whatever the direction: a wall that is no agreement.
-    contradict: Vec<i8>,
+    /// Row by row; beyond the last a cell that says nothing.
+    cells: Vec<CoarseCell>,
     /// In cells twice as wide.
     pub wide: Wide,
 }
@@ -79,8 +81,7 @@ impl CoarseTable {
         let (width, height) = ((w / cell).ceil() as usize, (h / cell).ceil() as usize);
         let half = 0.5 * cell;
         let deep = ((DEPTH + half) / g.resolution()).powi(2).min(250.0) as u8;
-        let mut agree = vec![0i8; DIRECTIONS * width * height];
-        let mut contradict = vec![0i8; width * height];
+        let mut cells = vec![[0; DIRECTIONS + 1]; width * height + 1];
         for row in 0..height {
             for col in 0..width {
                 let (u, v) = ((col as f64 + 0.5) * cell, (row as f64 + 0.5) * cell);
@@ -90,66 +91,73 @@ impl CoarseTable {
                     continue;
                 }
                 let fine = fine_row * g.width() + fine_col;
-                let at = row * width + col;
-                contradict[at] = match class_of(g.cells()[fine]) {
+                let [agree @ .., contradict] = &mut cells[row * width + col];
+                *contradict = match class_of(g.cells()[fine]) {
                     Class::Unknown => 0,
                     Class::Free if depth.squared(fine) >= deep => SCORES.2,
                     _ => SCORES.1,
                 };
                 let center = g.cell_center(fine_row, fine_col);
-                for d in 0..DIRECTIONS {
+                for (d, agree) in agree.iter_mut().enumerate() {
                     let Some(k) = field.nearest(fine, d) else { continue };
                     let r = ((boundary[k].position - center).norm() - half).max(0.0);
                     let value = SCORES.0 * (-(r / BLUR).powi(2)).exp2();
                     // Agreement takes the place of what the cell says of strangers.
-                    let value = value.round() as i8 - contradict[at].max(SCORES.1);
-                    agree[d * width * height + at] = if value > 0 { value } else { 0 };
+                    let value = value.round() as i8 - (*contradict).max(SCORES.1);
+                    *agree = value.max(0);
                 }
             }
         }
-        let wide = Wide::new(width, height, &agree, &contradict);
-        Self { cell, width, height, agree, contradict, wide }
+        let wide = Wide::new(width, height, &cells);
+        Self { cell, width, height, cells, wide }
     }
 
     /// Agreement and contradiction of a sample in a cell, by its index.
     #[inline(always)]
     pub fn at(&self, octant: usize, cell: usize) -> (f32, f32) {
-        let agree = self.agree[octant * self.width * self.height + cell];
-        (f32::from(agree), f32::from(self.contradict[cell]))
+        let cell = &self.cells[cell];
+        (f32::from(cell[octant]), f32::from(cell[DIRECTIONS]))
     }
 
-    /// Score of some of another map's probes at a pose of its axes in this grid's.
-    pub fn score<'p>(&self, probes: impl Iterator<Item = &'p Probe>, axes: &Axes) -> f32 {
+    /// Score of some of another map's samples at a pose of its axes in this grid's.
+    pub fn score(&self, samples: &[Samples], axes: &Axes) -> f32 {
         let per_metre = (1.0 / self.cell) as f32;
         let (width, height) = (self.width as f32, self.height as f32);
-        let mut score = 0.0;
-        for p in probes {
-            let (x, y) = axes.apply(p.x, p.y);
-            let (u, v) = (x * per_metre, y * per_metre);
-            if u >= 0.0 && v >= 0.0 && u < width && v < height {
-                let cell = v as usize * self.width + u as usize;
-                let (agree, contradict) = self.at(axes.octant(p.direction), cell);
-                score += p.weight * agree + p.conflict_weight * contradict;
+        let (columns, outside) = (self.width as i32, (self.cells.len() - 1) as i32);
+        let mut score = [0.0; AT_ONCE];
+        for s in samples {
+            // Where they lie first, all at once; then what the cells there say.
+            let mut cells = [0i32; AT_ONCE];
+            for k in 0..AT_ONCE {
+                let (x, y) = axes.apply(s.x[k], s.y[k]);
+                let (u, v) = (x * per_metre, y * per_metre);
+                let is_inside = (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height);
+                let cell = v as i32 * columns + u as i32;
+                cells[k] = if is_inside { cell } else { outside };
+            }
+            for k in 0..AT_ONCE {
+                let (agree, contradict) = self.at(axes.octant(s.direction[k]), cells[k] as usize);
+                score[k] += s.weight[k] * agree + s.conflict_weight[k] * contradict;
             }
         }
-        score
+        score.iter().sum()
     }
 }
 
 impl Wide {
     /// The best that any of the four cells says.
-    fn new(fine_width: usize, fine_height: usize, agree: &[i8], contradict: &[i8]) -> Self {
+    fn new(fine_width: usize, fine_height: usize, fine: &[CoarseCell]) -> Self {
         let (width, height) = (fine_width.div_ceil(2), fine_height.div_ceil(2));
         let mut values = Vec::new();
-        let tables = agree.chunks_exact(fine_width * fine_height).chain([contradict]);
         let mut runs: [Vec<Run>; DIRECTIONS + 1] = Default::default();
         let mut line = vec![0i16; width];
-        for (table, runs) in tables.zip(&mut runs) {
+        for (table, runs) in runs.iter_mut().enumerate() {
             for row in 0..height {
                 let rows = [2 * row, (2 * row + 1).min(fine_height - 1)];
                 for (col, best) in line.iter_mut().enumerate() {
                     let cols = [2 * col, (2 * col + 1).min(fine_width - 1)];
-                    let cells = rows.iter().flat_map(|r| cols.map(|c| table[r * fine_width + c]));
+                    let cells =
+                        rows.iter().flat_map(|r| cols.map(|c| fine[r * fine_width + c][table]));
                     *best = i16::from(cells.max().expect("four cells"));
                 }
                 runs_of(&line, row, &mut values, runs);

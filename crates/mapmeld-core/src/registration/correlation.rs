@@ -18,8 +18,8 @@ use std::f64::consts::TAU;
 
 /// Bins of a full turn: one degree each.
 pub const BINS: usize = 360;
-/// Rotations that are tried.
-const ROTATIONS: usize = 8;
+/// Rotations that are tried where a pose is looked for.
+pub const ROTATIONS: usize = 8;
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
 /// Peaks of all rotations that are scored again in finer cells.
@@ -33,13 +33,13 @@ const STEPS: f64 = 2.0;
 /// Steps that a bin's contradiction is told in: it is spread wider than agreement is.
 const CONTRADICTION: f32 = 4.0;
 
-/// Candidates for `T_a_b`, each with its score, the best first.
-pub fn candidates(a: &LocalMap, b: &LocalMap) -> Vec<(f32, Candidate)> {
+/// Candidates for `T_a_b`, each with its score, the best first, from so many rotations.
+pub fn candidates(a: &LocalMap, b: &LocalMap, rotations: usize) -> Vec<(f32, Candidate)> {
     if a.probes.is_empty() || b.probes.is_empty() {
         return Vec::new();
     }
     let mut shifts = Shifts::default();
-    let turns: Vec<Turned> = rotations(&a.turns, &b.turns)
+    let turns: Vec<Turned> = promising(&a.turns, &b.turns, rotations)
         .into_iter()
         .map(|theta| Turned::new(&a.coarse, &b.probes, theta))
         .collect();
@@ -81,7 +81,7 @@ pub fn turns(probes: &[Probe]) -> [f32; BINS] {
 }
 
 /// The most promising rotations of b's axes into a's, radians, at least six degrees apart.
-fn rotations(a: &[f32; BINS], b: &[f32; BINS]) -> Vec<f64> {
+fn promising(a: &[f32; BINS], b: &[f32; BINS], most: usize) -> Vec<f64> {
     let twice: Vec<f32> = a.iter().chain(a).copied().collect();
     let score: Vec<f32> =
         (0..BINS).map(|k| b.iter().zip(&twice[k..]).map(|(x, y)| x * y).sum()).collect();
@@ -92,7 +92,7 @@ fn rotations(a: &[f32; BINS], b: &[f32; BINS]) -> Vec<f64> {
         let apart = |j: &usize| (k + BINS - j) % BINS >= 6 && (j + BINS - k) % BINS >= 6;
         if kept.iter().all(apart) {
             kept.push(k);
-            if kept.len() == ROTATIONS {
+            if kept.len() == most {
                 break;
             }
         }

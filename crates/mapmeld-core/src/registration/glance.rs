@@ -1,8 +1,52 @@
-//! A first look at poses of two maps: cheap, and fair to both.
+//! First looks at poses of two maps: cheap, fair to both, and longer the more promising a pose is.
 
 use crate::local_map::LocalMap;
-use crate::probe::Axes;
+use crate::probe::{Axes, Probe};
+use crate::registration::{Candidate, Source};
 use crate::se2::{Rigid, Se2};
+
+/// Samples that are asked at once.
+pub const AT_ONCE: usize = 8;
+/// Most samples of a map that a look asks.
+const MOST: usize = 96;
+
+/// Some wall samples of a map, in its grid's axes, as many as are asked at once; those that stand for none weigh
+/// nothing.
+#[derive(Debug, Clone, Default)]
+pub struct Samples {
+    /// Metres from the corner of cell (0, 0).
+    pub x: [f32; AT_ONCE],
+    /// The same.
+    pub y: [f32; AT_ONCE],
+    /// See [`Probe::weight`].
+    pub weight: [f32; AT_ONCE],
+    /// See [`Probe::conflict_weight`].
+    pub conflict_weight: [f32; AT_ONCE],
+    /// See [`Probe::direction`].
+    pub direction: [u16; AT_ONCE],
+}
+
+/// Samples that stand for all of a map's. However many of the first are taken, they lie all over the map: they come in
+/// the order of a van der Corput sequence.
+pub fn samples(probes: &[Probe]) -> Vec<Samples> {
+    let kept = probes.len().min(MOST);
+    let bits = kept.next_power_of_two().trailing_zeros();
+    let reversed = |k: u32| k.reverse_bits().checked_shr(u32::BITS - bits).unwrap_or(0) as usize;
+    let order: Vec<usize> = (0..1u32 << bits).map(reversed).filter(|k| *k < kept).collect();
+    let scale = probes.len() as f32 / kept.max(1) as f32;
+    let group = |some: &[usize]| {
+        let mut group = Samples::default();
+        for (lane, k) in some.iter().enumerate() {
+            let p = &probes[k * probes.len() / kept];
+            (group.x[lane], group.y[lane]) = (p.x, p.y);
+            group.weight[lane] = scale * p.weight;
+            group.conflict_weight[lane] = scale * p.conflict_weight;
+            group.direction[lane] = p.direction;
+        }
+        group
+    };
+    order.chunks(AT_ONCE).map(group).collect()
+}
 
 /// Two maps whose poses are looked at, thousands of them.
 pub struct Glance<'a> {
@@ -14,6 +58,21 @@ pub struct Glance<'a> {
     sin_cos: (f64, f64),
 }
 
+/// A pose that is looked at: how well the walls of each map fit the other's coarse table there. Either map alone may
+/// mistake much: where people crossed it, or where it shows little.
+pub struct Look {
+    /// The pose.
+    pub candidate: Candidate,
+    /// Of b's axes in a's, and back.
+    axes: [Axes; 2],
+    /// What the samples of a said, and those of b.
+    said: [f32; 2],
+    /// Groups of samples of each map that were asked.
+    asked: usize,
+    /// How well the maps fit, as far as it was looked.
+    pub score: f32,
+}
+
 impl<'a> Glance<'a> {
     /// At poses of b in a.
     pub fn new(a: &'a LocalMap, b: &'a LocalMap) -> Self {
@@ -22,15 +81,46 @@ impl<'a> Glance<'a> {
         Self { a, b, to_axes_a, turn, sin_cos: turn.sin_cos() }
     }
 
-    /// How well the walls of each map fit the other's coarse table at `T_a_b`, from about so many samples of both
-    /// together. Either map alone may mistake much: where people crossed it, or where it shows little.
-    pub fn score(&self, t_a_b: &Se2, samples: usize) -> f32 {
-        let axes = self.axes(t_a_b);
-        let one_way = |to: &LocalMap, from: &LocalMap, axes: &Axes| {
-            let stride = from.stride(samples / 2);
-            stride as f32 * to.coarse.score(from.probes.iter().step_by(stride), axes)
-        };
-        one_way(self.a, self.b, &axes) + one_way(self.b, self.a, &axes.inverse())
+    /// How well the maps fit at `T_a_b`, after the longest look.
+    pub fn score(&self, t_a_b: &Se2) -> f32 {
+        let mut look = self.at(Candidate { t_a_b: *t_a_b, source: Source::Members });
+        self.look(&mut look, MOST / AT_ONCE);
+        look.score
+    }
+
+    /// Before the first look.
+    pub fn at(&self, candidate: Candidate) -> Look {
+        let axes = self.axes(&candidate.t_a_b);
+        Look { candidate, axes: [axes, axes.inverse()], said: [0.0; 2], asked: 0, score: 0.0 }
+    }
+
+    /// Looks until about so many samples of each map are asked, and keeps the best, in their order.
+    pub fn narrow(&self, looks: &mut Vec<Look>, samples: usize, keep: usize) {
+        let groups = samples.div_ceil(AT_ONCE);
+        looks.iter_mut().for_each(|look| self.look(look, groups));
+        if looks.len() > keep {
+            let mut order: Vec<usize> = (0..looks.len()).collect();
+            let best_first =
+                |x: &usize, y: &usize| looks[*y].score.total_cmp(&looks[*x].score).then(x.cmp(y));
+            order.select_nth_unstable_by(keep, best_first);
+            let mut is_kept = vec![false; looks.len()];
+            order[..keep].iter().for_each(|k| is_kept[*k] = true);
+            let mut is_kept = is_kept.into_iter();
+            looks.retain(|_| is_kept.next().unwrap_or(false));
+        }
+    }
+
+    fn look(&self, look: &mut Look, groups: usize) {
+        let sides = [(self.b, self.a, &look.axes[1]), (self.a, self.b, &look.axes[0])];
+        look.score = 0.0;
+        for ((to, from, axes), said) in sides.into_iter().zip(&mut look.said) {
+            let samples = &from.glimpses;
+            let (from, until) = (look.asked.min(samples.len()), groups.min(samples.len()));
+            *said += to.coarse.score(&samples[from..until], axes);
+            // What was asked stands for all.
+            look.score += *said * samples.len() as f32 / until.max(1) as f32;
+        }
+        look.asked = groups;
     }
 
     /// What `probe::axes_of` tells, with the sine and cosine of the pose alone.

@@ -6,7 +6,7 @@ use crate::perception::{placed, rigid, WallEvidence};
 use crate::registration::{
     climb::{self, Climb, STILL},
     corners, correlation,
-    glance::Glance,
+    glance::{Glance, Look},
     segments, stories, Candidate, Mode, Registered, Rung, Source,
 };
 use crate::se2::{Se2, Vec2};
@@ -14,26 +14,45 @@ use crate::verdict::{self, Background};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
-/// Samples of both maps together that the very first look at a candidate takes.
-const GLIMPSE_SAMPLES: usize = 32;
+/// Samples of each map that the very first look at a candidate takes.
+const GLIMPSE_SAMPLES: usize = 16;
 /// Samples that a second look takes.
-const BRIEF_SAMPLES: usize = 64;
+const BRIEF_SAMPLES: usize = 32;
 /// Samples that a longer look takes.
-const LONGER_SAMPLES: usize = 200;
+const LONGER_SAMPLES: usize = 96;
 /// Samples of each map that the first steps uphill follow.
 const FIRST_SAMPLES: usize = 80;
 /// Samples of each map that a climb follows.
 const CLIMB_SAMPLES: usize = 160;
 /// Samples of each map that the last climb of a mode follows.
 const FINAL_SAMPLES: usize = 400;
-/// Modes of the mirror image, of which the best alone is asked for.
-const DECOYS: usize = 2;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.04;
 /// So many different stories are told at least, and so many poses more weighed if they are not, however unlikely.
 const LEAST_STORIES: usize = 2;
 /// Steps that every candidate that was looked at longest is led uphill.
 const FIRST_STEPS: usize = 6;
+/// Share of the best log-likelihood that a pose needs to be followed further: what reaches less will not catch up, nor
+/// does it make the best any less sure.
+const RIVAL: f64 = 0.5;
+/// Log-likelihood from which the best is held against the others, nats: below it all are chance's.
+const TELLING: f64 = 20.0;
+/// Poses that are followed however far they lie behind.
+const FOLLOWED: usize = 3;
+
+/// What is spent on one search.
+struct Effort {
+    /// Candidates that climb to the top.
+    shortlist: usize,
+    /// Modes that are kept.
+    modes: usize,
+    /// Rotations at which all shifts are tried.
+    rotations: usize,
+    /// Whether corners and walls propose poses.
+    has_structures: bool,
+    /// Log-likelihood that a pose is held against, nats, if the best here has less.
+    least: f64,
+}
 
 /// Registers a pair: the modes of `T_a_b`, most likely first (paper, section 3: the possible motions
 /// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach; both at each
@@ -49,7 +68,14 @@ pub fn register(
 ) -> Registered {
     let r = &config.registration;
     let rungs = config.perception.rungs();
-    let (candidates, tops) = find_tops(ma, mb, hints, (r.shortlist, r.max_modes), (&rungs, config));
+    let effort = Effort {
+        shortlist: r.shortlist,
+        modes: r.max_modes,
+        rotations: correlation::ROTATIONS,
+        has_structures: true,
+        least: 0.0,
+    };
+    let (candidates, tops) = find_tops(ma, mb, hints, &effort, (&rungs, config));
     let modes = tops.into_iter().zip(&rungs).map(|(tops, p)| {
         let mut modes: Vec<Mode> = tops.into_iter().map(|c| mode(ma, mb, c, p)).collect();
         modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
@@ -60,8 +86,16 @@ pub fn register(
     // may lift what walls alone do not.
     let may_stand = !hints.is_empty() || may_stand([ma, mb], &modes, &config.evidence);
     let decoys = mirrored_b.filter(|_| may_stand).map(|m| {
-        let sizes = (r.decoy_shortlist, DECOYS);
-        let (_, tops) = find_tops(ma, m, &[], sizes, (&rungs, config));
+        // The best alone is asked for, and only if it comes near to what it is a decoy of.
+        let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
+        let effort = Effort {
+            shortlist: r.decoy_shortlist,
+            modes: 2,
+            rotations: correlation::ROTATIONS / 2,
+            has_structures: false,
+            least: 0.5 * most,
+        };
+        let (_, tops) = find_tops(ma, m, &[], &effort, (&rungs, config));
         let evidence = |(tops, p): (Vec<Candidate>, &PerceptionConfig)| -> Vec<WallEvidence> {
             tops.iter().map(|c| placed::pair(ma, m, &c.t_a_b, p)).collect()
         };
@@ -89,25 +123,22 @@ fn find_tops(
     ma: &LocalMap,
     mb: &LocalMap,
     hints: &[Se2],
-    (shortlist, max_modes): (usize, usize),
+    effort: &Effort,
     (rungs, config): (&[PerceptionConfig], &Config),
 ) -> (usize, Vec<Vec<Candidate>>) {
     let (Some(_), Some(center)) = (ma.center, mb.center) else {
         return (0, vec![Vec::new(); rungs.len()]);
     };
     let r = &config.registration;
-    let found = of_structures(ma, mb, r);
-    let correlated = correlation::candidates(ma, mb);
+    let Effort { shortlist, modes, .. } = *effort;
+    let found = if effort.has_structures { of_structures(ma, mb, r) } else { Vec::new() };
+    let correlated = correlation::candidates(ma, mb, effort.rotations);
     let candidates = found.len() + correlated.len() + hints.len();
 
     let distance =
         r.duplicate_distance.unwrap_or(2.0 * ma.grid.resolution().min(mb.grid.resolution()));
     let distinct = |scored, keep| distinct(scored, keep, center, distance, r.duplicate_angle);
     let glance = Glance::new(ma, mb);
-    let coarsely = |found: Vec<Candidate>, samples: usize| -> Vec<(f64, Candidate)> {
-        let score = |c: &Candidate| f64::from(glance.score(&c.t_a_b, samples));
-        found.into_iter().map(|c| (score(&c), c)).collect()
-    };
     let finely = |found: &[Candidate], samples: usize, p: &PerceptionConfig| {
         let score = |c: &Candidate| rigid::log_likelihood(ma, mb, &c.t_a_b, samples, p);
         found.iter().map(|c| (score(c), *c)).collect::<Vec<_>>()
@@ -116,20 +147,19 @@ fn find_tops(
         let top = |c: &Candidate| Some(Candidate { t_a_b: climb.top(ma, mb, &c.t_a_b, p)?, ..*c });
         found.iter().filter_map(top).collect::<Vec<_>>()
     };
+    let rivals = |scored| rivals(scored, effort.least);
     let wide = climb::wide(ma, mb);
     let rigid: Vec<PerceptionConfig> = rungs.iter().map(PerceptionConfig::rigid).collect();
 
     // Narrowing down: all are looked at briefly, some longer, fewer are led a few steps uphill, the best climb to
     // the top.
-    let best = |found: Vec<Candidate>, samples: usize, keep: usize| -> Vec<Candidate> {
-        let mut scored = coarsely(found, samples);
-        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
-        scored.into_iter().take(keep).map(|(_, c)| c).collect()
-    };
-    let glimpsed = best(found, GLIMPSE_SAMPLES, 30 * shortlist);
-    let mut looked_at = best(glimpsed, BRIEF_SAMPLES, 8 * shortlist);
-    looked_at.extend(correlated.into_iter().map(|(_, c)| c));
-    let begun = distinct(coarsely(looked_at, LONGER_SAMPLES), 3 * shortlist / 2);
+    let mut looks: Vec<Look> = found.into_iter().map(|c| glance.at(c)).collect();
+    glance.narrow(&mut looks, GLIMPSE_SAMPLES, 30 * shortlist);
+    glance.narrow(&mut looks, BRIEF_SAMPLES, 8 * shortlist);
+    looks.extend(correlated.into_iter().map(|(_, c)| glance.at(c)));
+    glance.narrow(&mut looks, LONGER_SAMPLES, usize::MAX);
+    let looks = looks.into_iter().map(|l| (f64::from(l.score), l.candidate)).collect();
+    let begun = distinct(looks, 3 * shortlist / 2);
     let first = Climb { samples: FIRST_SAMPLES, steps: FIRST_STEPS, scale: wide, still: NEAR };
     let begun = climbed(&begun, &first, &rigid[rigid.len() / 2]);
 
@@ -138,16 +168,16 @@ fn find_tops(
     let mut tops: Vec<Candidate> = Vec::new();
     let widest = (rigid.len() > 1).then(|| &rigid[rigid.len() - 1]);
     for p in rigid.first().into_iter().chain(widest) {
-        let mut shortlisted = distinct(finely(&begun, 2 * FIRST_SAMPLES, p), shortlist / 2);
+        let mut shortlisted = distinct(rivals(finely(&begun, 2 * FIRST_SAMPLES, p)), shortlist / 2);
         shortlisted.extend(hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }));
         let climb =
             Climb { samples: CLIMB_SAMPLES, steps: r.max_iterations, scale: wide, still: NEAR };
         let mut at_top = climbed(&shortlisted, &climb, p);
         at_top.extend(shortlisted);
-        tops.extend(distinct(finely(&at_top, 2 * CLIMB_SAMPLES, p), max_modes));
+        tops.extend(distinct(rivals(finely(&at_top, 2 * CLIMB_SAMPLES, p)), modes));
     }
     let at_each = rigid.iter().map(|rigid| {
-        let few = distinct(finely(&tops, FINAL_SAMPLES, rigid), max_modes);
+        let few = distinct(rivals(finely(&tops, FINAL_SAMPLES, rigid)), modes);
         let climb =
             Climb { samples: FINAL_SAMPLES, steps: r.max_iterations, scale: 0.0, still: STILL };
         let mut at_top = climbed(&few, &climb, rigid);
@@ -155,7 +185,7 @@ fn find_tops(
         let scored = finely(&at_top, 2 * FINAL_SAMPLES, rigid);
         // What strangers would fit as well is no mode, but some runner-up there must be.
         let (likely, unlikely): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(l, _)| *l > 0.0);
-        let mut tops = distinct(likely, max_modes);
+        let mut tops = distinct(rivals(likely), modes);
         if stories(tops.iter().map(|c| &c.t_a_b), center).len() < LEAST_STORIES {
             tops.extend(distinct(unlikely, LEAST_STORIES));
         }
@@ -176,7 +206,7 @@ fn mode(a: &LocalMap, b: &LocalMap, c: Candidate, p: &PerceptionConfig) -> Mode 
 /// What every source proposes for `T_a_b`, unrefined.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = of_structures(a, b, config);
-    found.extend(correlation::candidates(a, b).into_iter().map(|(_, c)| c));
+    found.extend(correlation::candidates(a, b, correlation::ROTATIONS).into_iter().map(|(_, c)| c));
     found
 }
 
@@ -185,6 +215,17 @@ fn of_structures(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec
     let mut found = corners::candidates(&a.corners, &b.corners, config);
     found.extend(segments::candidates(&a.lines, &b.lines));
     found
+}
+
+/// Those of some poses that may still matter, given what another one reached at least, nats; the best first.
+fn rivals(mut scored: Vec<(f64, Candidate)>, least: f64) -> Vec<(f64, Candidate)> {
+    scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+    let most = scored.first().map_or(least, |(l, _)| least.max(*l));
+    if most > TELLING {
+        let hopeful = scored.iter().take_while(|(l, _)| *l >= RIVAL * most).count();
+        scored.truncate(hopeful.max(FOLLOWED));
+    }
+    scored
 }
 
 /// The best `keep` candidates of which no two are the same pose (paper, section 3: duplicates are one

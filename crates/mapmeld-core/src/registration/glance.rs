@@ -8,7 +8,7 @@ use crate::se2::{Rigid, Se2};
 /// Samples that are asked at once.
 pub const AT_ONCE: usize = 8;
 /// Most samples of a map that a look asks.
-const MOST: usize = 96;
+const MOST: usize = 128;
 
 /// Some wall samples of a map, in its grid's axes, as many as are asked at once; those that stand for none weigh
 /// nothing.

@@ -19,7 +19,7 @@ const GLIMPSE_SAMPLES: usize = 16;
 /// Samples that a second look takes.
 const BRIEF_SAMPLES: usize = 32;
 /// Samples that a longer look takes.
-const LONGER_SAMPLES: usize = 96;
+const LONGER_SAMPLES: usize = 128;
 /// Samples of each map that the first steps uphill follow.
 const FIRST_SAMPLES: usize = 80;
 /// Samples of each map that a climb follows.

@@ -328,5 +328,5 @@ fn look(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, p: &PerceptionConfig) -> f64 {
     let climb =
         Climb { samples: SAMPLES, steps: STEPS, scale: climb::wide(a, b), still: climb::STILL };
     let top = climb.top(a, b, t_a_b, p).unwrap_or(*t_a_b);
-    rigid::log_likelihood(a, b, &top, 2 * SAMPLES, p)
+    rigid::log_likelihoods(a, b, &top, 2 * SAMPLES, std::slice::from_ref(p))[0]
 }

@@ -230,7 +230,7 @@ pub fn candidates(
     config: &str,
 ) -> PyResult<Vec<(&'static str, [f64; 3])>> {
     let config = convert::config(config)?;
-    Ok(core::registration::pair::candidates(&a.inner, &b.inner, &config.registration)
+    Ok(core::registration::search::candidates(&a.inner, &b.inner, &config.registration)
         .into_iter()
         .map(|c| (c.source.name(), c.t_a_b.to_array()))
         .collect())

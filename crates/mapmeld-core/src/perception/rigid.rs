@@ -9,19 +9,35 @@ use crate::perception::likelihood::noise_of;
 use crate::probe::axes_of;
 use crate::se2::Se2;
 
-/// Log-likelihood ratio of `T_a_b`, nats, from about so many samples of each map.
-pub fn log_likelihood(
+/// Log-likelihood ratio of `T_a_b` under each of some models, nats, from about so many samples of each map. The models
+/// may differ in how far walls may lie from each other.
+pub fn log_likelihoods(
     a: &LocalMap,
     b: &LocalMap,
     t_a_b: &Se2,
     samples: usize,
-    config: &PerceptionConfig,
-) -> f64 {
+    models: &[PerceptionConfig],
+) -> Vec<f64> {
     let axes = axes_of(&a.grid, &b.grid, t_a_b);
     let (stride_a, stride_b) = (a.stride(samples), b.stride(samples));
-    let of_b = stride_b as f64 * one_way(a, b, &axes, stride_b, config);
-    let of_a = stride_a as f64 * one_way(b, a, &axes.inverse(), stride_a, config);
-    0.5 * (of_a + of_b)
+    let mut sums = vec![Sum::default(); models.len()];
+    one_way(a, b, &axes, stride_b, models, &mut sums);
+    let mut total: Vec<f64> =
+        sums.iter().map(|s| 0.5 * stride_b as f64 * f64::from(s.value)).collect();
+    one_way(b, a, &axes.inverse(), stride_a, models, &mut sums);
+    for (total, s) in total.iter_mut().zip(&sums) {
+        *total += 0.5 * stride_a as f64 * f64::from(s.value);
+    }
+    total
+}
+
+/// What the samples say under one model.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    value: f32,
+    /// Squared distance up to which a wall is in place.
+    radius: f32,
+    scale: f32,
 }
 
 /// What the samples of `from` say of `to`.
@@ -30,15 +46,22 @@ fn one_way(
     from: &LocalMap,
     axes: &Se2,
     stride: usize,
-    config: &PerceptionConfig,
-) -> f64 {
-    let noise = noise_of(to, from, config);
-    let (slack, radius) = (noise.slack as f32, (noise.hit_radius * noise.hit_radius) as f32);
-    let scale = noise.inv_two_sigma_squared as f32;
-    let (hit, miss, opposed) = (config.hit as f32, config.miss as f32, config.opposed as f32);
-    let conflicts = [config.conflict as f32, config.straight_conflict as f32];
+    models: &[PerceptionConfig],
+    sums: &mut [Sum],
+) {
+    let Some(common) = models.first() else { return };
+    for (sum, model) in sums.iter_mut().zip(models) {
+        let noise = noise_of(to, from, model);
+        *sum = Sum {
+            value: 0.0,
+            radius: (noise.hit_radius * noise.hit_radius) as f32,
+            scale: noise.inv_two_sigma_squared as f32,
+        };
+    }
+    let slack = noise_of(to, from, common).slack as f32;
+    let (hit, miss, opposed) = (common.hit as f32, common.miss as f32, common.opposed as f32);
+    let conflicts = [common.conflict as f32, common.straight_conflict as f32];
     let view = to.probe_view(axes);
-    let mut sum = 0.0;
     for p in from.probes.iter().step_by(stride) {
         let Some(s) = view.see(p) else { continue };
         let squared = |w: &crate::likelihood_field::Wall| {
@@ -48,26 +71,29 @@ fn one_way(
             across * across + along * along
         };
         let nearest = view.wall(&s, 0).map_or(f32::INFINITY, squared);
-        if nearest <= radius {
-            sum += p.weight * (hit - nearest * scale);
-            continue;
+        // What it says where no wall is in place: seldom asked, once for all models.
+        let mut otherwise: Option<(f32, f32)> = None;
+        for sum in sums.iter_mut() {
+            if nearest <= sum.radius {
+                sum.value += p.weight * (hit - nearest * sum.scale);
+                continue;
+            }
+            let (against, other) = *otherwise.get_or_insert_with(|| {
+                let against = view.wall(&s, 1).map_or(f32::INFINITY, squared);
+                let depth = to.depth.squared(s.cell);
+                let is_unknown = depth == 0 && class_of(to.grid.cells()[s.cell]) == Class::Unknown;
+                let share = to.conflict_shares[usize::from(depth)] as f32;
+                let other = match depth {
+                    0 if is_unknown => 0.0,
+                    0 => p.weight * miss,
+                    _ if share == 0.0 => p.weight * miss,
+                    _ => share * p.conflict_weight * conflicts[usize::from(p.straight)],
+                };
+                (against, other)
+            });
+            sum.value += if against <= 0.25 * sum.radius { p.weight * opposed } else { other };
         }
-        if view.wall(&s, 1).is_some_and(|w| squared(w) <= 0.25 * radius) {
-            sum += p.weight * opposed;
-            continue;
-        }
-        let depth = to.depth.squared(s.cell);
-        if depth == 0 && class_of(to.grid.cells()[s.cell]) == Class::Unknown {
-            continue;
-        }
-        let share = to.conflict_shares[usize::from(depth)] as f32;
-        sum += match depth {
-            0 => p.weight * miss,
-            _ if share == 0.0 => p.weight * miss,
-            _ => share * p.conflict_weight * conflicts[usize::from(p.straight)],
-        };
     }
-    f64::from(sum)
 }
 
 #[cfg(test)]
@@ -105,7 +131,7 @@ mod tests {
             let mut off = || rng.random_range(-far..far);
             let t = t_same.compose(&Se2::new(off(), off(), 0.3 * off()));
             let slow = likelihood::pair(&a, &b, &t, 1, &p).log_likelihood;
-            let fast = log_likelihood(&a, &b, &t, usize::MAX, &p);
+            let fast = log_likelihoods(&a, &b, &t, usize::MAX, std::slice::from_ref(&p))[0];
             // A sample on the edge of a cell, or of an octant, may fall to either side.
             assert!((slow - fast).abs() <= 0.5 + 0.02 * slow.abs(), "{k}: {slow} {fast}");
         }

@@ -10,6 +10,7 @@ pub mod corners;
 pub mod correlation;
 pub mod glance;
 pub mod pair;
+pub mod search;
 pub mod segments;
 
 use crate::evidence::Status;

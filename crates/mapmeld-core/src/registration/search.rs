@@ -1,0 +1,255 @@
+//! The search for the poses of a pair: thousands of candidates, narrowed down to the tops that they lead to.
+
+use crate::config::{Config, PerceptionConfig, RegistrationConfig};
+use crate::local_map::LocalMap;
+use crate::perception::rigid;
+use crate::registration::{
+    climb::{self, Climb, STILL},
+    corners, correlation,
+    glance::{Glance, Look},
+    segments, stories, Candidate, Source,
+};
+use crate::se2::{Se2, Vec2};
+
+/// Samples of each map that the very first look at a candidate takes.
+const GLIMPSE_SAMPLES: usize = 16;
+/// Samples that a second look takes.
+const BRIEF_SAMPLES: usize = 32;
+/// Samples that a longer look takes.
+const LONGER_SAMPLES: usize = 128;
+/// Samples of each map that the first steps uphill follow.
+const FIRST_SAMPLES: usize = 80;
+/// Samples of each map that a climb follows.
+const CLIMB_SAMPLES: usize = 160;
+/// Samples of each map that the last climb of a mode follows.
+const FINAL_SAMPLES: usize = 400;
+/// Steps shorter than this, in cells, end all climbs but the last.
+const NEAR: f64 = 0.04;
+/// So many different stories are told at least, and so many poses more weighed if they are not, however unlikely.
+const LEAST_STORIES: usize = 2;
+/// Steps that every candidate that was looked at longest is led uphill.
+const FIRST_STEPS: usize = 6;
+/// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
+/// does it make the best any less sure.
+const RIVAL: f64 = 0.5;
+/// Log-likelihood from which the best is held against the others, nats: below it all are chance's.
+const TELLING: f64 = 20.0;
+/// Log-likelihood from which the first looks at the others are held against the best's, nats.
+const PROVEN: f64 = 60.0;
+/// Poses that are followed however far they lie behind.
+const FOLLOWED: usize = 3;
+/// Candidates that are led uphill however far their looks lie behind.
+const BEGUN: usize = 16;
+
+/// What is spent on a search.
+pub struct Effort {
+    /// Candidates that climb to the top.
+    pub shortlist: usize,
+    /// Modes that are kept.
+    pub modes: usize,
+    /// Rotations at which all shifts are tried.
+    pub rotations: usize,
+    /// Whether corners and walls propose poses.
+    pub has_structures: bool,
+    /// Log-likelihood that a pose is held against, nats, if the best here has less.
+    pub least: f64,
+}
+
+/// What a search found.
+pub struct Found {
+    /// Number of candidates that the sources proposed.
+    pub candidates: usize,
+    /// The local maxima that they lead to, at each standard deviation of the walls.
+    pub tops: Vec<Vec<Candidate>>,
+}
+
+/// What every source proposes for `T_a_b`, unrefined.
+pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
+    let mut found = of_structures(a, b, config);
+    found.extend(correlation::candidates(a, b, correlation::ROTATIONS).into_iter().map(|(_, c)| c));
+    found
+}
+
+/// What corners and walls propose, which says nothing yet of the rest of the maps.
+fn of_structures(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
+    let mut found = corners::candidates(&a.corners, &b.corners, config);
+    found.extend(segments::candidates(&a.lines, &b.lines));
+    found
+}
+
+/// Searches for `T_a_b`. `hints` are transforms that are worth a climb whatever the sources say.
+pub fn tops(a: &LocalMap, b: &LocalMap, hints: &[Se2], effort: &Effort, config: &Config) -> Found {
+    let rungs = config.perception.rungs();
+    let (Some(_), Some(center)) = (a.center, b.center) else {
+        return Found { candidates: 0, tops: vec![Vec::new(); rungs.len()] };
+    };
+    let rungs = rungs.iter().map(PerceptionConfig::rigid).collect();
+    let search = Search { a, b, center, effort, rungs, config: &config.registration };
+    search.run(hints)
+}
+
+/// A pose and how well the maps fit there.
+type Scored = (f64, Candidate);
+
+/// A pose and its log-likelihood ratio at each standard deviation of the walls, nats.
+type Weighed = (Candidate, Vec<f64>);
+
+struct Search<'s> {
+    a: &'s LocalMap,
+    b: &'s LocalMap,
+    /// Centre of b's known cells.
+    center: Vec2,
+    effort: &'s Effort,
+    /// The model of rigid maps at each standard deviation of the walls.
+    rungs: Vec<PerceptionConfig>,
+    config: &'s RegistrationConfig,
+}
+
+impl Search<'_> {
+    fn run(&self, hints: &[Se2]) -> Found {
+        let (a, b) = (self.a, self.b);
+        let structures = match self.effort.has_structures {
+            true => of_structures(a, b, self.config),
+            false => Vec::new(),
+        };
+        let correlated = correlation::candidates(a, b, self.effort.rotations);
+        let candidates = structures.len() + correlated.len() + hints.len();
+        let correlated = correlated.into_iter().map(|(_, c)| c).collect();
+
+        let begun = self.begun(self.looked_at(structures, correlated));
+        let hints: Vec<Candidate> =
+            hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }).collect();
+        // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
+        // what either finds is tried at all of them.
+        let mut ends = vec![0, self.rungs.len() - 1];
+        ends.dedup();
+        let tops: Vec<Candidate> =
+            ends.into_iter().flat_map(|rung| self.climbed(&begun, &hints, rung)).collect();
+        let tops = self.weighed(tops, FINAL_SAMPLES);
+        let tops = (0..self.rungs.len()).map(|rung| self.final_tops(&tops, rung)).collect();
+        Found { candidates, tops }
+    }
+
+    /// The candidates that deserve a climb, each with how it looks, the best first: all are looked at briefly, some
+    /// longer. What was correlated has been looked at before.
+    fn looked_at(&self, structures: Vec<Candidate>, correlated: Vec<Candidate>) -> Vec<Scored> {
+        let shortlist = self.effort.shortlist;
+        let glance = Glance::new(self.a, self.b);
+        let mut looks: Vec<Look> = structures.into_iter().map(|c| glance.at(c)).collect();
+        glance.narrow(&mut looks, GLIMPSE_SAMPLES, 30 * shortlist);
+        glance.narrow(&mut looks, BRIEF_SAMPLES, 8 * shortlist);
+        looks.extend(correlated.into_iter().map(|c| glance.at(c)));
+        glance.narrow(&mut looks, LONGER_SAMPLES, usize::MAX);
+        let looks = looks.into_iter().map(|l| (f64::from(l.score), l.candidate)).collect();
+        self.distinct(looks, 3 * shortlist / 2)
+    }
+
+    /// The first steps uphill. What looks far worse than a pose that has proven itself meanwhile takes none.
+    fn begun(&self, looked_at: Vec<Scored>) -> Vec<Weighed> {
+        let climb = Climb { steps: FIRST_STEPS, ..self.climb(FIRST_SAMPLES) };
+        let rung = &self.rungs[self.rungs.len() / 2];
+        let mut begun: Vec<Weighed> = Vec::new();
+        let mut bar = f64::NEG_INFINITY;
+        for (k, (look, c)) in looked_at.iter().enumerate() {
+            if k >= BEGUN && *look < bar {
+                break;
+            }
+            let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };
+            let (c, fits) = self.weigh(Candidate { t_a_b, ..*c }, 2 * FIRST_SAMPLES);
+            if fits.iter().any(|l| *l >= PROVEN) {
+                bar = bar.max(RIVAL * look);
+            }
+            begun.push((c, fits));
+        }
+        begun
+    }
+
+    /// The tops of the best at one standard deviation of the walls.
+    fn climbed(&self, begun: &[Weighed], hints: &[Candidate], rung: usize) -> Vec<Candidate> {
+        let begun = begun.iter().map(|(c, fits)| (fits[rung], *c)).collect();
+        let mut shortlist = self.distinct(self.rivals(begun), self.effort.shortlist / 2);
+        shortlist.extend(hints.iter().map(|c| (0.0, *c)));
+        let at_top = self.with_tops(&shortlist, &self.climb(CLIMB_SAMPLES), rung);
+        let at_top = self.scored(at_top, 2 * CLIMB_SAMPLES, rung);
+        poses(self.distinct(self.rivals(at_top), self.effort.modes))
+    }
+
+    /// The tops of all at one standard deviation of the walls, exactly.
+    fn final_tops(&self, tops: &[Weighed], rung: usize) -> Vec<Candidate> {
+        let tops = tops.iter().map(|(c, fits)| (fits[rung], *c)).collect();
+        let few = self.distinct(self.rivals(tops), self.effort.modes);
+        let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
+        let scored = self.scored(self.with_tops(&few, &climb, rung), 2 * FINAL_SAMPLES, rung);
+        // What strangers would fit as well is no mode, but some runner-up there must be.
+        let (likely, unlikely): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(l, _)| *l > 0.0);
+        let mut tops = poses(self.distinct(self.rivals(likely), self.effort.modes));
+        if stories(tops.iter().map(|c| &c.t_a_b), self.center).len() < LEAST_STORIES {
+            tops.extend(poses(self.distinct(unlikely, LEAST_STORIES)));
+        }
+        tops
+    }
+
+    fn climb(&self, samples: usize) -> Climb {
+        let scale = climb::wide(self.a, self.b);
+        Climb { samples, steps: self.config.max_iterations, scale, still: NEAR }
+    }
+
+    /// Some poses, and where they lead.
+    fn with_tops(&self, some: &[Scored], climb: &Climb, rung: usize) -> Vec<Candidate> {
+        let top = |c: &Candidate| climb.top(self.a, self.b, &c.t_a_b, &self.rungs[rung]);
+        let lead = some.iter().filter_map(|(_, c)| Some(Candidate { t_a_b: top(c)?, ..*c }));
+        lead.chain(some.iter().map(|(_, c)| *c)).collect()
+    }
+
+    /// Weighed at one standard deviation of the walls.
+    fn scored(&self, some: Vec<Candidate>, samples: usize, rung: usize) -> Vec<Scored> {
+        let models = &self.rungs[rung..=rung];
+        let fit =
+            |c: &Candidate| rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, models)[0];
+        some.into_iter().map(|c| (fit(&c), c)).collect()
+    }
+
+    fn weigh(&self, c: Candidate, samples: usize) -> Weighed {
+        (c, rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, &self.rungs))
+    }
+
+    fn weighed(&self, some: Vec<Candidate>, samples: usize) -> Vec<Weighed> {
+        some.into_iter().map(|c| self.weigh(c, samples)).collect()
+    }
+
+    /// Those that may still matter, the best first.
+    fn rivals(&self, mut scored: Vec<Scored>) -> Vec<Scored> {
+        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+        let most = scored.first().map_or(0.0, |(l, _)| *l).max(self.effort.least);
+        if most > TELLING {
+            let hopeful = scored.iter().take_while(|(l, _)| *l >= RIVAL * most).count();
+            scored.truncate(hopeful.max(FOLLOWED));
+        }
+        scored
+    }
+
+    /// The best `keep` of which no two are the same pose (paper, section 3: duplicates are one mode).
+    fn distinct(&self, mut scored: Vec<Scored>, keep: usize) -> Vec<Scored> {
+        let finer = self.a.grid.resolution().min(self.b.grid.resolution());
+        let distance = self.config.duplicate_distance.unwrap_or(2.0 * finer);
+        let angle = self.config.duplicate_angle;
+        // A stable sort: equals stay in the sources' order, whatever the machine.
+        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+        let mut kept: Vec<Scored> = Vec::with_capacity(keep.min(scored.len()));
+        for (score, c) in scored {
+            let is_same =
+                |k: &Scored| k.1.t_a_b.is_close_at(&c.t_a_b, self.center, distance, angle);
+            if !kept.iter().any(is_same) {
+                kept.push((score, c));
+                if kept.len() == keep {
+                    break;
+                }
+            }
+        }
+        kept
+    }
+}
+
+fn poses(scored: Vec<Scored>) -> Vec<Candidate> {
+    scored.into_iter().map(|(_, c)| c).collect()
+}

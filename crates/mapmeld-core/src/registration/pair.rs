@@ -49,16 +49,16 @@ pub fn register(
         let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
         let effort = Effort {
             shortlist: r.decoy_shortlist,
-            modes: 2,
+            modes: 1,
             rotations: correlation::ROTATIONS / 2,
             has_structures: false,
             least: 0.5 * most,
         };
-        let tops = search::tops(ma, m, &[], &effort, config).tops;
-        let evidence = |(tops, p): (Vec<Candidate>, &PerceptionConfig)| -> Vec<WallEvidence> {
-            tops.iter().map(|c| placed::pair(ma, m, &c.t_a_b, p)).collect()
+        let best = search::best(ma, m, &effort, config);
+        let evidence = |(t, p): (Option<Se2>, &PerceptionConfig)| {
+            t.iter().map(|t| placed::pair(ma, m, t, p)).collect::<Vec<WallEvidence>>()
         };
-        tops.into_iter().zip(&rungs).map(evidence).collect()
+        best.into_iter().zip(&rungs).map(evidence).collect()
     });
     let decoys = decoys.unwrap_or_else(|| vec![Vec::new(); rungs.len()]);
     let rungs =

@@ -79,13 +79,26 @@ fn of_structures(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec
 
 /// Searches for `T_a_b`. `hints` are transforms that are worth a climb whatever the sources say.
 pub fn tops(a: &LocalMap, b: &LocalMap, hints: &[Se2], effort: &Effort, config: &Config) -> Found {
-    let rungs = config.perception.rungs();
-    let (Some(_), Some(center)) = (a.center, b.center) else {
-        return Found { candidates: 0, tops: vec![Vec::new(); rungs.len()] };
+    let Some(search) = Search::new(a, b, effort, config) else {
+        return Found { candidates: 0, tops: vec![Vec::new(); config.perception.rungs().len()] };
     };
-    let rungs = rungs.iter().map(PerceptionConfig::rigid).collect();
-    let search = Search { a, b, center, effort, rungs, config: &config.registration };
-    search.run(hints)
+    let (candidates, tops) = search.run(hints);
+    let tops = (0..search.rungs.len()).map(|rung| search.final_tops(&tops, rung)).collect();
+    Found { candidates, tops }
+}
+
+/// The best `T_a_b` at each standard deviation of the walls, near enough to its top to tell how well the maps fit;
+/// none where nothing fits.
+pub fn best(a: &LocalMap, b: &LocalMap, effort: &Effort, config: &Config) -> Vec<Option<Se2>> {
+    let Some(search) = Search::new(a, b, effort, config) else {
+        return vec![None; config.perception.rungs().len()];
+    };
+    let (_, tops) = search.run(&[]);
+    let best_at = |rung: usize| {
+        let best = tops.iter().max_by(|x, y| x.1[rung].total_cmp(&y.1[rung]))?;
+        Some(best.0.t_a_b)
+    };
+    (0..search.rungs.len()).map(best_at).collect()
 }
 
 /// A pose and how well the maps fit there.
@@ -105,8 +118,21 @@ struct Search<'s> {
     config: &'s RegistrationConfig,
 }
 
-impl Search<'_> {
-    fn run(&self, hints: &[Se2]) -> Found {
+impl<'s> Search<'s> {
+    /// None when one of the maps is blank.
+    fn new(
+        a: &'s LocalMap,
+        b: &'s LocalMap,
+        effort: &'s Effort,
+        config: &'s Config,
+    ) -> Option<Self> {
+        let (_, center) = (a.center?, b.center?);
+        let rungs = config.perception.rungs().iter().map(PerceptionConfig::rigid).collect();
+        Some(Self { a, b, center, effort, rungs, config: &config.registration })
+    }
+
+    /// Number of candidates, and the tops that they lead to.
+    fn run(&self, hints: &[Se2]) -> (usize, Vec<Weighed>) {
         let (a, b) = (self.a, self.b);
         let structures = match self.effort.has_structures {
             true => of_structures(a, b, self.config),
@@ -125,9 +151,8 @@ impl Search<'_> {
         ends.dedup();
         let tops: Vec<Candidate> =
             ends.into_iter().flat_map(|rung| self.climbed(&begun, &hints, rung)).collect();
-        let tops = self.weighed(tops, FINAL_SAMPLES);
-        let tops = (0..self.rungs.len()).map(|rung| self.final_tops(&tops, rung)).collect();
-        Found { candidates, tops }
+        let tops = tops.into_iter().map(|c| self.weigh(c, FINAL_SAMPLES)).collect();
+        (candidates, tops)
     }
 
     /// The candidates that deserve a climb, each with how it looks, the best first: all are looked at briefly, some
@@ -136,8 +161,8 @@ impl Search<'_> {
         let shortlist = self.effort.shortlist;
         let glance = Glance::new(self.a, self.b);
         let mut looks: Vec<Look> = structures.into_iter().map(|c| glance.at(c)).collect();
-        glance.narrow(&mut looks, GLIMPSE_SAMPLES, 30 * shortlist);
-        glance.narrow(&mut looks, BRIEF_SAMPLES, 8 * shortlist);
+        glance.narrow(&mut looks, GLIMPSE_SAMPLES, 15 * shortlist);
+        glance.narrow(&mut looks, BRIEF_SAMPLES, 4 * shortlist);
         looks.extend(correlated.into_iter().map(|c| glance.at(c)));
         glance.narrow(&mut looks, LONGER_SAMPLES, usize::MAX);
         let looks = looks.into_iter().map(|l| (f64::from(l.score), l.candidate)).collect();
@@ -211,10 +236,6 @@ impl Search<'_> {
 
     fn weigh(&self, c: Candidate, samples: usize) -> Weighed {
         (c, rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, &self.rungs))
-    }
-
-    fn weighed(&self, some: Vec<Candidate>, samples: usize) -> Vec<Weighed> {
-        some.into_iter().map(|c| self.weigh(c, samples)).collect()
     }
 
     /// Those that may still matter, the best first.

@@ -206,7 +206,7 @@ impl LocalMap {
 
     /// Every so manieth sample makes about so many of them.
     pub fn stride(&self, samples: usize) -> usize {
-        (self.samples.len() / samples.max(1)).max(1)
+        self.samples.len().div_ceil(samples.max(1)).max(1)
     }
 
     /// How far the likelihood field reaches, metres.

@@ -235,14 +235,19 @@ pub fn covariance(
     let sigma = perception.climb_sigma.max(resolution);
     // Both directions tell of the same walls: half each.
     let discount = 0.5 * a.spacing.max(b.spacing) / perception.correlation_length;
-    let mut h = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
+    // Upper triangle of the information, row by row.
+    let mut h = [0.01, 0.0, 0.0, 0.01, 0.0, 1.0];
     let to_a = a.grid.origin().to_rigid();
     matches(a, b, &axes_of(&a.grid, &b.grid, t_a_b), (1, 1), |m| {
         let r = to_a.apply(Vec2::new(m.x.into(), m.y.into())) - t_a_b.translation();
         let n = to_a.rotate(Vec2::new(m.nx.into(), m.ny.into()));
-        let j = Vector3::new(n.x, n.y, n.y * r.x - n.x * r.y);
+        let turn = n.y * r.x - n.x * r.y;
         let w = discount * robust_weight(m.residual.into(), sigma) / (sigma * sigma);
-        h += w * j * j.transpose();
+        let (wx, wy) = (w * n.x, w * n.y);
+        let more = [wx * n.x, wx * n.y, wx * turn, wy * n.y, wy * turn, w * turn * turn];
+        h.iter_mut().zip(more).for_each(|(h, more)| *h += more);
     });
+    let [xx, xy, xt, yy, yt, tt] = h;
+    let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
     h.try_inverse().expect("information holds a positive prior")
 }

@@ -205,11 +205,16 @@ impl<'s> Search<'s> {
         let few = self.distinct(self.rivals(tops), self.effort.modes);
         let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
         let scored = self.scored(self.with_tops(&few, &climb, rung), 2 * FINAL_SAMPLES, rung);
-        // What strangers would fit as well is no mode, but some runner-up there must be.
-        let (likely, unlikely): (Vec<_>, Vec<_>) = scored.into_iter().partition(|(l, _)| *l > 0.0);
-        let mut tops = poses(self.distinct(self.rivals(likely), self.effort.modes));
-        if stories(tops.iter().map(|c| &c.t_a_b), self.center).len() < LEAST_STORIES {
-            tops.extend(poses(self.distinct(unlikely, LEAST_STORIES)));
+        let scored = self.distinct(scored, usize::MAX);
+        let most = scored.first().map_or(0.0, |(l, _)| *l);
+        let mut tops: Vec<Candidate> = Vec::new();
+        for (l, c) in scored {
+            // What strangers would fit as well is no mode, but some runner-up there must be.
+            let is_mode = l > 0.0 && is_rival(l, most) && tops.len() < self.effort.modes;
+            let told = || stories(tops.iter().map(|c| &c.t_a_b), self.center).len();
+            if is_mode || told() < LEAST_STORIES {
+                tops.push(c);
+            }
         }
         tops
     }
@@ -242,10 +247,8 @@ impl<'s> Search<'s> {
     fn rivals(&self, mut scored: Vec<Scored>) -> Vec<Scored> {
         scored.sort_by(|x, y| y.0.total_cmp(&x.0));
         let most = scored.first().map_or(0.0, |(l, _)| *l).max(self.effort.least);
-        if most > TELLING {
-            let hopeful = scored.iter().take_while(|(l, _)| *l >= RIVAL * most).count();
-            scored.truncate(hopeful.max(FOLLOWED));
-        }
+        let hopeful = scored.iter().take_while(|(l, _)| is_rival(*l, most)).count();
+        scored.truncate(hopeful.max(FOLLOWED));
         scored
     }
 
@@ -273,4 +276,9 @@ impl<'s> Search<'s> {
 
 fn poses(scored: Vec<Scored>) -> Vec<Candidate> {
     scored.into_iter().map(|(_, c)| c).collect()
+}
+
+/// Whether a pose may still matter beside the best.
+fn is_rival(l: f64, most: f64) -> bool {
+    most <= TELLING || l >= RIVAL * most
 }

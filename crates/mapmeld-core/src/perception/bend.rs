@@ -15,11 +15,11 @@ use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
 /// Most rounds in which every patch is moved once.
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 7;
 /// Steps shorter than this, in cells, move nothing any more.
 const STILL: f64 = 0.02;
 /// How much the kernel narrows from round to round.
-const NARROWING: f64 = 0.75;
+const NARROWING: f64 = 0.65;
 /// Standard deviation of a patch's motion against the rigid pose, metres: holds loose patches.
 const LEASH: f64 = 0.5;
 

@@ -204,9 +204,17 @@ impl LocalMap {
         ProbeView::new(&self.grid, &self.field, t_axes_axes)
     }
 
-    /// Every so manieth sample makes about so many of them.
-    pub fn stride(&self, samples: usize) -> usize {
-        self.samples.len().div_ceil(samples.max(1)).max(1)
+    /// So many of the probes, spread evenly, or all if there are fewer.
+    pub fn spread(&self, samples: usize) -> impl Iterator<Item = &Probe> {
+        let kept = samples.min(self.probes.len()).max(1);
+        // Sixteen bits behind the point: a division each would cost as much as the sample.
+        let step = ((self.probes.len() as u64) << 16).div_ceil(kept as u64);
+        (0..).map_while(move |k: u64| self.probes.get((k * step >> 16) as usize))
+    }
+
+    /// How many samples each of so many that are spread evenly stands for.
+    pub fn share(&self, samples: usize) -> f64 {
+        (self.probes.len() as f64 / samples.max(1) as f64).max(1.0)
     }
 
     /// How far the likelihood field reaches, metres.

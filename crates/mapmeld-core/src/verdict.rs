@@ -82,7 +82,7 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
     let bent_straight = of.rung as f64 * of.straight;
     [
         e.log_likelihood.max(0.0).sqrt(),
-        chance.max(0.0).sqrt(),
+        chance.max(0.2 * e.log_likelihood.max(0.0)).sqrt(),
         e.shared_length / (e.shared_floor + 1.0),
         (share(e.conflicts) + 0.03).ln(),
         (share(e.straight_conflicts) + 0.02).ln(),

@@ -9,7 +9,7 @@ use crate::perception::likelihood::noise_of;
 use crate::probe::axes_of;
 use crate::se2::Se2;
 
-/// Log-likelihood ratio of `T_a_b` under each of some models, nats, from about so many samples of each map. The models
+/// Log-likelihood ratio of `T_a_b` under each of some models, nats, from so many samples of each map at most. The models
 /// may differ in how far walls may lie from each other.
 pub fn log_likelihoods(
     a: &LocalMap,
@@ -19,14 +19,13 @@ pub fn log_likelihoods(
     models: &[PerceptionConfig],
 ) -> Vec<f64> {
     let axes = axes_of(&a.grid, &b.grid, t_a_b);
-    let (stride_a, stride_b) = (a.stride(samples), b.stride(samples));
     let mut sums = vec![Sum::default(); models.len()];
-    one_way(a, b, &axes, stride_b, models, &mut sums);
+    one_way(a, b, &axes, samples, models, &mut sums);
     let mut total: Vec<f64> =
-        sums.iter().map(|s| 0.5 * stride_b as f64 * f64::from(s.value)).collect();
-    one_way(b, a, &axes.inverse(), stride_a, models, &mut sums);
+        sums.iter().map(|s| 0.5 * b.share(samples) * f64::from(s.value)).collect();
+    one_way(b, a, &axes.inverse(), samples, models, &mut sums);
     for (total, s) in total.iter_mut().zip(&sums) {
-        *total += 0.5 * stride_a as f64 * f64::from(s.value);
+        *total += 0.5 * a.share(samples) * f64::from(s.value);
     }
     total
 }
@@ -40,12 +39,12 @@ struct Sum {
     scale: f32,
 }
 
-/// What the samples of `from` say of `to`.
+/// What so many samples of `from` say of `to`.
 fn one_way(
     to: &LocalMap,
     from: &LocalMap,
     axes: &Se2,
-    stride: usize,
+    samples: usize,
     models: &[PerceptionConfig],
     sums: &mut [Sum],
 ) {
@@ -62,7 +61,7 @@ fn one_way(
     let (hit, miss, opposed) = (common.hit as f32, common.miss as f32, common.opposed as f32);
     let conflicts = [common.conflict as f32, common.straight_conflict as f32];
     let view = to.probe_view(axes);
-    for p in from.probes.iter().step_by(stride) {
+    for p in from.spread(samples) {
         let Some(s) = view.see(p) else { continue };
         let squared = |w: &crate::likelihood_field::Wall| {
             let (dx, dy) = (s.x - w.x, s.y - w.y);

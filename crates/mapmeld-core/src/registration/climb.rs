@@ -23,25 +23,25 @@ pub struct Match {
     pub residual: f32,
 }
 
-/// Walls of b that fall on like-oriented walls of a, and the other way round; of each map every so manieth sample.
+/// Walls of b that fall on like-oriented walls of a, and the other way round; of each map so many samples at most.
 #[inline(always)]
 fn matches(
     a: &LocalMap,
     b: &LocalMap,
     t_axes_axes: &Se2,
-    (stride_a, stride_b): (usize, usize),
+    (of_a, of_b): (usize, usize),
     mut f: impl FnMut(Match),
 ) {
     let axes = Axes::new(t_axes_axes);
     let view = a.probe_view(t_axes_axes);
-    for p in b.probes.iter().step_by(stride_b) {
+    for p in b.spread(of_b) {
         let Some(s) = view.see(p) else { continue };
         let Some(w) = view.wall(&s, 0) else { continue };
         let residual = (s.x - w.x) * w.nx + (s.y - w.y) * w.ny;
         f(Match { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
     }
     let view = b.probe_view(&t_axes_axes.inverse());
-    for p in a.probes.iter().step_by(stride_a) {
+    for p in a.spread(of_a) {
         let Some(s) = view.see(p) else { continue };
         let Some(w) = view.wall(&s, 0) else { continue };
         let residual = (w.x - s.x) * w.nx + (w.y - s.y) * w.ny;
@@ -115,7 +115,7 @@ pub const STILL: f64 = 0.02;
 /// noise.
 #[derive(Debug, Clone, Copy)]
 pub struct Climb {
-    /// Samples of each map that are followed, about.
+    /// Samples of each map that are followed, at most.
     pub samples: usize,
     /// Most steps.
     pub steps: usize,
@@ -138,11 +138,10 @@ impl Climb {
         let (to_a, from_b) = (a.grid.origin(), b.grid.origin().inverse());
         let center = from_b.apply(b.center?);
         let start = axes_of(&a.grid, &b.grid, start);
-        let strides = (a.stride(self.samples), b.stride(self.samples));
         let ends = Ends { steps: self.steps, shorter: self.still * resolution };
         let finest = perception.climb_sigma.max(resolution);
         let top = ascend(start, center, (self.scale, finest), ends, |t, pull| {
-            matches(a, b, t, strides, |m| pull.add(&m));
+            matches(a, b, t, (self.samples, self.samples), |m| pull.add(&m));
         });
         Some(to_a.compose(&top?).compose(&from_b))
     }
@@ -175,7 +174,8 @@ pub fn climb_group(
                 }
                 let t_p_q = p.t_world_map.between(&moved.t_world_map);
                 // Every second sample: groups have plenty.
-                matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), (2, 2), |m| {
+                let half = (p.map.probes.len().div_ceil(2), q.map.probes.len().div_ceil(2));
+                matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), half, |m| {
                     let ((x, y), (nx, ny)) =
                         (to_world.apply(m.x, m.y), to_world.rotate(m.nx, m.ny));
                     pull.add(&Match { x, y, nx, ny, residual: m.residual });
@@ -238,7 +238,7 @@ pub fn covariance(
     // Upper triangle of the information, row by row.
     let mut h = [0.01, 0.0, 0.0, 0.01, 0.0, 1.0];
     let to_a = a.grid.origin().to_rigid();
-    matches(a, b, &axes_of(&a.grid, &b.grid, t_a_b), (1, 1), |m| {
+    matches(a, b, &axes_of(&a.grid, &b.grid, t_a_b), (usize::MAX, usize::MAX), |m| {
         let r = to_a.apply(Vec2::new(m.x.into(), m.y.into())) - t_a_b.translation();
         let n = to_a.rotate(Vec2::new(m.nx.into(), m.ny.into()));
         let turn = n.y * r.x - n.x * r.y;

@@ -25,7 +25,7 @@ const PEAKS: usize = 40;
 /// Peaks of all rotations that are scored again in finer cells.
 const LOOKED_INTO: usize = 240;
 /// Samples that score a peak again.
-const PEAK_SAMPLES: usize = 80;
+const PEAK_SAMPLES: usize = 160;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
 /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.

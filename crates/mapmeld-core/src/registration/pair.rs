@@ -30,6 +30,7 @@ pub fn register(
     let effort = Effort {
         shortlist: r.shortlist,
         modes: r.max_modes,
+        stories: 2,
         rotations: correlation::ROTATIONS,
         has_structures: true,
         least: 0.0,
@@ -49,16 +50,17 @@ pub fn register(
         let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
         let effort = Effort {
             shortlist: r.decoy_shortlist,
-            modes: 1,
+            modes: 2,
+            stories: 1,
             rotations: correlation::ROTATIONS / 2,
             has_structures: false,
-            least: 0.5 * most,
+            least: 0.4 * most,
         };
-        let best = search::best(ma, m, &effort, config);
-        let evidence = |(t, p): (Option<Se2>, &PerceptionConfig)| {
-            t.iter().map(|t| placed::pair(ma, m, t, p)).collect::<Vec<WallEvidence>>()
+        let tops = search::tops(ma, m, &[], &effort, config).tops;
+        let evidence = |(t, p): (Vec<Candidate>, &PerceptionConfig)| {
+            t.iter().map(|t| placed::pair(ma, m, &t.t_a_b, p)).collect::<Vec<WallEvidence>>()
         };
-        best.into_iter().zip(&rungs).map(evidence).collect()
+        tops.into_iter().zip(&rungs).map(evidence).collect()
     });
     let decoys = decoys.unwrap_or_else(|| vec![Vec::new(); rungs.len()]);
     let rungs =

@@ -4,10 +4,11 @@ use crate::config::{Config, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::rigid;
 use crate::registration::{
+    self,
     climb::{self, Climb, STILL},
     corners, correlation,
     glance::{Glance, Look},
-    segments, stories, Candidate, Source,
+    segments, Candidate, Source,
 };
 use crate::se2::{Se2, Vec2};
 
@@ -18,15 +19,13 @@ const BRIEF_SAMPLES: usize = 32;
 /// Samples that a longer look takes.
 const LONGER_SAMPLES: usize = 128;
 /// Samples of each map that the first steps uphill follow.
-const FIRST_SAMPLES: usize = 80;
+const FIRST_SAMPLES: usize = 100;
 /// Samples of each map that a climb follows.
-const CLIMB_SAMPLES: usize = 160;
+const CLIMB_SAMPLES: usize = 200;
 /// Samples of each map that the last climb of a mode follows.
-const FINAL_SAMPLES: usize = 400;
+const FINAL_SAMPLES: usize = 600;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.04;
-/// So many different stories are told at least, and so many poses more weighed if they are not, however unlikely.
-const LEAST_STORIES: usize = 2;
 /// Steps that every candidate that was looked at longest is led uphill.
 const FIRST_STEPS: usize = 6;
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
@@ -36,8 +35,6 @@ const RIVAL: f64 = 0.5;
 const TELLING: f64 = 20.0;
 /// Log-likelihood from which the first looks at the others are held against the best's, nats.
 const PROVEN: f64 = 60.0;
-/// Poses that are followed however far they lie behind.
-const FOLLOWED: usize = 3;
 /// Candidates that are led uphill however far their looks lie behind.
 const BEGUN: usize = 16;
 
@@ -47,6 +44,8 @@ pub struct Effort {
     pub shortlist: usize,
     /// Modes that are kept.
     pub modes: usize,
+    /// Different stories that are told at least, however unlikely.
+    pub stories: usize,
     /// Rotations at which all shifts are tried.
     pub rotations: usize,
     /// Whether corners and walls propose poses.
@@ -85,20 +84,6 @@ pub fn tops(a: &LocalMap, b: &LocalMap, hints: &[Se2], effort: &Effort, config: 
     let (candidates, tops) = search.run(hints);
     let tops = (0..search.rungs.len()).map(|rung| search.final_tops(&tops, rung)).collect();
     Found { candidates, tops }
-}
-
-/// The best `T_a_b` at each standard deviation of the walls, near enough to its top to tell how well the maps fit;
-/// none where nothing fits.
-pub fn best(a: &LocalMap, b: &LocalMap, effort: &Effort, config: &Config) -> Vec<Option<Se2>> {
-    let Some(search) = Search::new(a, b, effort, config) else {
-        return vec![None; config.perception.rungs().len()];
-    };
-    let (_, tops) = search.run(&[]);
-    let best_at = |rung: usize| {
-        let best = tops.iter().max_by(|x, y| x.1[rung].total_cmp(&y.1[rung]))?;
-        Some(best.0.t_a_b)
-    };
-    (0..search.rungs.len()).map(best_at).collect()
 }
 
 /// A pose and how well the maps fit there.
@@ -192,31 +177,26 @@ impl<'s> Search<'s> {
     /// The tops of the best at one standard deviation of the walls.
     fn climbed(&self, begun: &[Weighed], hints: &[Candidate], rung: usize) -> Vec<Candidate> {
         let begun = begun.iter().map(|(c, fits)| (fits[rung], *c)).collect();
-        let mut shortlist = self.distinct(self.rivals(begun), self.effort.shortlist / 2);
+        let mut shortlist = self.rivals(begun, self.effort.shortlist / 2, self.effort.stories + 1);
         shortlist.extend(hints.iter().map(|c| (0.0, *c)));
         let at_top = self.with_tops(&shortlist, &self.climb(CLIMB_SAMPLES), rung);
         let at_top = self.scored(at_top, 2 * CLIMB_SAMPLES, rung);
-        poses(self.distinct(self.rivals(at_top), self.effort.modes))
+        poses(self.rivals(at_top, self.effort.modes, self.effort.stories + 1))
     }
 
     /// The tops of all at one standard deviation of the walls, exactly.
     fn final_tops(&self, tops: &[Weighed], rung: usize) -> Vec<Candidate> {
         let tops = tops.iter().map(|(c, fits)| (fits[rung], *c)).collect();
-        let few = self.distinct(self.rivals(tops), self.effort.modes);
+        let few = self.rivals(tops, self.effort.modes, self.effort.stories + 1);
         let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
         let scored = self.scored(self.with_tops(&few, &climb, rung), 2 * FINAL_SAMPLES, rung);
-        let scored = self.distinct(scored, usize::MAX);
-        let most = scored.first().map_or(0.0, |(l, _)| *l);
-        let mut tops: Vec<Candidate> = Vec::new();
-        for (l, c) in scored {
-            // What strangers would fit as well is no mode, but some runner-up there must be.
-            let is_mode = l > 0.0 && is_rival(l, most) && tops.len() < self.effort.modes;
-            let told = || stories(tops.iter().map(|c| &c.t_a_b), self.center).len();
-            if is_mode || told() < LEAST_STORIES {
-                tops.push(c);
-            }
-        }
-        tops
+        let kept = self.rivals(scored, self.effort.modes, self.effort.stories);
+        // What strangers would fit as well is no mode, but some runner-up there must be.
+        let likely = kept.iter().take_while(|(l, _)| *l > 0.0).count();
+        let told =
+            |n: usize| registration::stories(kept[..n].iter().map(|k| &k.1.t_a_b), self.center);
+        let enough = (likely..kept.len()).find(|n| told(*n).len() >= self.effort.stories);
+        poses(kept.into_iter().take(enough.unwrap_or(usize::MAX)).collect())
     }
 
     fn climb(&self, samples: usize) -> Climb {
@@ -243,13 +223,20 @@ impl<'s> Search<'s> {
         (c, rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, &self.rungs))
     }
 
-    /// Those that may still matter, the best first.
-    fn rivals(&self, mut scored: Vec<Scored>) -> Vec<Scored> {
-        scored.sort_by(|x, y| y.0.total_cmp(&x.0));
+    /// The best `keep` of some poses, no two the same, that may still matter: those that are likely, beside the best
+    /// too, and the best that tell so many different stories, however unlikely.
+    fn rivals(&self, scored: Vec<Scored>, keep: usize, stories: usize) -> Vec<Scored> {
+        let scored = self.distinct(scored, usize::MAX);
         let most = scored.first().map_or(0.0, |(l, _)| *l).max(self.effort.least);
-        let hopeful = scored.iter().take_while(|(l, _)| is_rival(*l, most)).count();
-        scored.truncate(hopeful.max(FOLLOWED));
-        scored
+        let bar = if most > TELLING { RIVAL * most } else { f64::NEG_INFINITY };
+        let mut kept: Vec<Scored> = Vec::new();
+        for (l, c) in scored {
+            let told = || registration::stories(kept.iter().map(|k| &k.1.t_a_b), self.center).len();
+            if (l > bar && kept.len() < keep) || told() < stories {
+                kept.push((l, c));
+            }
+        }
+        kept
     }
 
     /// The best `keep` of which no two are the same pose (paper, section 3: duplicates are one mode).
@@ -276,9 +263,4 @@ impl<'s> Search<'s> {
 
 fn poses(scored: Vec<Scored>) -> Vec<Candidate> {
     scored.into_iter().map(|(_, c)| c).collect()
-}
-
-/// Whether a pose may still matter beside the best.
-fn is_rival(l: f64, most: f64) -> bool {
-    most <= TELLING || l >= RIVAL * most
 }

@@ -50,7 +50,7 @@ pub fn register(
         let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
         let effort = Effort {
             shortlist: r.decoy_shortlist,
-            modes: 2,
+            modes: 1,
             stories: 1,
             rotations: correlation::ROTATIONS / 2,
             has_structures: false,

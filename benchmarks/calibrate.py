@@ -4,7 +4,8 @@
     python benchmarks/calibrate.py --from rows.json                 # fit and report again
 
 Pairs of maps are registered; the features of each pair's best mode (`verdict::features` of the core) and
-whether it is right make one row. A logistic model is fitted to all rows: its weights are the default of
+whether it is right make one row. Every pair is asked both ways round: what chance reaches is a matter of chance
+itself. A logistic model is fitted to all rows: its weights are the default of
 `evidence.weights`. The tables are of models fitted without the building that they are asked about: every
 recorded building, and every kind of simulated one, in turn. Recorded cases are looked for as
 benchmarks/trust.py does.
@@ -66,6 +67,7 @@ def _collect(args: argparse.Namespace) -> list[Row]:
     with ProcessPoolExecutor(args.jobs, context) as pool:
         list(pool.map(calibrate_rows.build, buildings))
         asked = calibrate_rows.pairs([b.folder for b in buildings], args.scale)
+        asked = [way for pair in asked for way in (pair, pair.turned)]
         rows = []
         for k, row in enumerate(pool.map(calibrate_rows.measure, asked, chunksize=8), start=1):
             rows += [row] if row is not None else []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -89,6 +89,11 @@ class Asked:
     pair: MapPair
     group: str
     buildings: tuple[str, ...]
+
+    @property
+    def turned(self) -> Asked:
+        """The same two maps, the second first: what chance reaches is looked for anew."""
+        return replace(self, pair=self.pair.turned)
 
 
 def pairs(simulated: Sequence[Path], scale: float) -> list[Asked]:

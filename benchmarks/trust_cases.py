@@ -11,7 +11,7 @@ from typing import Any
 
 import bench_cases
 import mapmeld
-from mapmeld import datasets, metrics
+from mapmeld import datasets, metrics, se2
 from mapmeld.truth import Pose, parse_truth
 
 MOST_RESIDUAL_M = 0.75
@@ -59,6 +59,12 @@ class MapPair:
     floor: float = 0.0
     bent: bool = False
     laser: bool = False
+
+    @property
+    def turned(self) -> MapPair:
+        """The same two maps, the second first."""
+        T_b_a = None if self.T_a_b is None else se2.inverse(self.T_a_b)
+        return replace(self, a=self.b, b=self.a, T_a_b=T_b_a)
 
     @property
     def family(self) -> str:

@@ -14,6 +14,10 @@ use crate::registration::{PairModes, Registered};
 /// Number of features, without the constant.
 pub const FEATURES: usize = 15;
 
+/// Share of a pose's log-likelihood that chance may reach without making it less sure: so little is not looked for
+/// with care.
+pub const NEGLIGIBLE: f64 = 0.2;
+
 /// Maps among which chance is asked no more often than the fitted model expects.
 const FEW: usize = 40;
 
@@ -82,7 +86,7 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
     let bent_straight = of.rung as f64 * of.straight;
     [
         e.log_likelihood.max(0.0).sqrt(),
-        chance.max(0.2 * e.log_likelihood.max(0.0)).sqrt(),
+        chance.max(NEGLIGIBLE * e.log_likelihood.max(0.0)).sqrt(),
         e.shared_length / (e.shared_floor + 1.0),
         (share(e.conflicts) + 0.03).ln(),
         (share(e.straight_conflicts) + 0.02).ln(),

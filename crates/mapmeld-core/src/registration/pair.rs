@@ -9,7 +9,7 @@ use crate::registration::{
     Candidate, Mode, Registered, Rung,
 };
 use crate::se2::Se2;
-use crate::verdict::{self, Background};
+use crate::verdict::{self, Background, NEGLIGIBLE};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
@@ -33,7 +33,7 @@ pub fn register(
         stories: 2,
         rotations: correlation::ROTATIONS,
         has_structures: true,
-        least: 0.0,
+        least: f64::NEG_INFINITY,
     };
     let Found { candidates, tops } = search::tops(ma, mb, hints, &effort, config);
     let modes = tops.into_iter().zip(&rungs).map(|(tops, p)| {
@@ -46,7 +46,7 @@ pub fn register(
     // may lift what walls alone do not.
     let may_stand = !hints.is_empty() || may_stand([ma, mb], &modes, &config.evidence);
     let decoys = mirrored_b.filter(|_| may_stand).map(|m| {
-        // The best alone is asked for, and only if it comes near to what it is a decoy of.
+        // The best alone is asked for, and only if it matters beside what it is a decoy of.
         let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
         let effort = Effort {
             shortlist: r.decoy_shortlist,
@@ -54,7 +54,7 @@ pub fn register(
             stories: 1,
             rotations: correlation::ROTATIONS / 2,
             has_structures: false,
-            least: 0.4 * most,
+            least: NEGLIGIBLE * most,
         };
         let tops = search::tops(ma, m, &[], &effort, config).tops;
         let evidence = |(t, p): (Vec<Candidate>, &PerceptionConfig)| {

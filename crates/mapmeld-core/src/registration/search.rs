@@ -50,7 +50,7 @@ pub struct Effort {
     pub rotations: usize,
     /// Whether corners and walls propose poses.
     pub has_structures: bool,
-    /// Log-likelihood that a pose is held against, nats, if the best here has less.
+    /// Log-likelihood below which no pose matters, nats.
     pub least: f64,
 }
 
@@ -227,8 +227,9 @@ impl<'s> Search<'s> {
     /// too, and the best that tell so many different stories, however unlikely.
     fn rivals(&self, scored: Vec<Scored>, keep: usize, stories: usize) -> Vec<Scored> {
         let scored = self.distinct(scored, usize::MAX);
-        let most = scored.first().map_or(0.0, |(l, _)| *l).max(self.effort.least);
+        let most = scored.first().map_or(0.0, |(l, _)| *l);
         let bar = if most > TELLING { RIVAL * most } else { f64::NEG_INFINITY };
+        let bar = bar.max(self.effort.least);
         let mut kept: Vec<Scored> = Vec::new();
         for (l, c) in scored {
             let told = || registration::stories(kept.iter().map(|k| &k.1.t_a_b), self.center).len();

@@ -29,7 +29,7 @@ import trust_score
 from calibrate_rows import Row
 from mapmeld import default_config
 
-RIDGE = 1.0
+RIDGE = 0.5
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
 EVIDENCE = default_config()["evidence"]
 ACCEPTED = EVIDENCE["min_probability"]

@@ -88,7 +88,8 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
         e.log_likelihood.max(0.0).sqrt(),
         chance.max(NEGLIGIBLE * e.log_likelihood.max(0.0)).sqrt(),
         e.shared_length / (e.shared_floor + 1.0),
-        (share(e.conflicts) + 0.03).ln(),
+        // Its square: the less there is, the more the rest of it tells.
+        (share(e.conflicts) + 0.03).ln().powi(2),
         (share(e.straight_conflicts) + 0.02).ln(),
         cover,
         e.distinct_hits.ln_1p(),

@@ -191,11 +191,10 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -14.113, 0.083, -0.839, -0.243, -3.978, -1.298, 0.503, 1.039, 2.060, 3.622, -7.730, -3.879, 1.143,
-            -0.518, 1.823, -2.213,
+            -7.391, 0.544, -1.155, -0.199, 0.831, -0.353, -0.836, 0.138, 2.319, 4.674, -3.754, -3.225, 0.998, -0.873, 0.601, -8.848,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
-        even_log_likelihood: f64 = 6.0,
+        even_log_likelihood: f64 = 8.0,
         /// Difference of log-likelihood ratios that makes one of two poses e times as probable, nats.
         temperature: f64 = 2.0,
         /// Poses less probable than this are not followed.

@@ -6,6 +6,7 @@
 
 use crate::local_map::LocalMap;
 use crate::registration::Registered;
+use crate::verdict::NEGLIGIBLE;
 
 /// How much clearer of chance, in square roots of nats, each further degree of bending must stand.
 const WIDER: f64 = 0.6;
@@ -19,7 +20,8 @@ pub fn how_bent(found: &[Registered], maps: &[&LocalMap]) -> usize {
             let rung = &f.rungs[k];
             let Some(best) = rung.modes.first() else { continue };
             let chance = rung.chance(maps[f.b].center.unwrap_or_default());
-            let clear = best.evidence.log_likelihood.max(0.0).sqrt() - chance.sqrt();
+            let most = best.evidence.log_likelihood.max(0.0);
+            let clear = most.sqrt() - chance.max(NEGLIGIBLE * most).sqrt();
             for m in [f.a, f.b] {
                 of_map[m] = of_map[m].max(clear - WIDER * k as f64);
             }

@@ -146,8 +146,8 @@ impl<'s> Search<'s> {
         let shortlist = self.effort.shortlist;
         let glance = Glance::new(self.a, self.b);
         let mut looks: Vec<Look> = structures.into_iter().map(|c| glance.at(c)).collect();
-        glance.narrow(&mut looks, GLIMPSE_SAMPLES, 15 * shortlist);
-        glance.narrow(&mut looks, BRIEF_SAMPLES, 4 * shortlist);
+        glance.narrow(&mut looks, GLIMPSE_SAMPLES, 30 * shortlist);
+        glance.narrow(&mut looks, BRIEF_SAMPLES, 8 * shortlist);
         looks.extend(correlated.into_iter().map(|c| glance.at(c)));
         glance.narrow(&mut looks, LONGER_SAMPLES, usize::MAX);
         let looks = looks.into_iter().map(|l| (f64::from(l.score), l.candidate)).collect();

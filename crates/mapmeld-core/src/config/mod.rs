@@ -179,7 +179,7 @@ stage! {
         /// Candidates of one map that are weighed for one particle, best first by their pairs.
         candidates_per_map: usize = 6,
         /// Maps that are weighed as the next one for a particle, best first by their pairs.
-        maps_per_step: usize = 6,
+        maps_per_step: usize = 3,
     }
 }
 
@@ -187,11 +187,12 @@ stage! {
     /// Verdicts: merged, ambiguous, or not.
     EvidenceConfig {
         /// Least probability of a merge; below it maps stay apart.
-        min_probability: f64 = 0.8,
+        min_probability: f64 = 0.75,
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -7.391, 0.544, -1.155, -0.199, 0.831, -0.353, -0.836, 0.138, 2.319, 4.674, -3.754, -3.225, 0.998, -0.873, 0.601, -8.848,
+            -9.199, 0.461, -1.164, -0.219, 0.816, -0.899, -0.328, 0.677, 2.254, 3.796, -5.485, -3.305, 1.044,
+            -0.746, 1.172, -15.396,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

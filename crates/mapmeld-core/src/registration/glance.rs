@@ -61,8 +61,6 @@ pub struct Glance<'a> {
 /// A pose that is looked at: how well the walls of each map fit the other's coarse table there. Either map alone may
 /// mistake much: where people crossed it, or where it shows little.
 pub struct Look {
-    /// The pose.
-    pub candidate: Candidate,
     /// Of b's axes in a's, and back.
     axes: [Axes; 2],
     /// What the samples of a said, and those of b.
@@ -83,25 +81,26 @@ impl<'a> Glance<'a> {
 
     /// How well the maps fit at `T_a_b`, after the longest look.
     pub fn score(&self, t_a_b: &Se2) -> f32 {
-        let mut look = self.at(Candidate { t_a_b: *t_a_b, source: Source::Members });
+        let mut look = self.at(t_a_b);
         self.look(&mut look, MOST / AT_ONCE);
         look.score
     }
 
     /// Before the first look.
-    pub fn at(&self, candidate: Candidate) -> Look {
-        let axes = self.axes(&candidate.t_a_b);
-        Look { candidate, axes: [axes, axes.inverse()], said: [0.0; 2], asked: 0, score: 0.0 }
+    pub fn at(&self, t_a_b: &Se2) -> Look {
+        let axes = self.axes(t_a_b);
+        Look { axes: [axes, axes.inverse()], said: [0.0; 2], asked: 0, score: 0.0 }
     }
 
     /// Looks until about so many samples of each map are asked, and keeps the best, in their order.
-    pub fn narrow(&self, looks: &mut Vec<Look>, samples: usize, keep: usize) {
+    pub fn narrow<T>(&self, looks: &mut Vec<(Look, T)>, samples: usize, keep: usize) {
         let groups = samples.div_ceil(AT_ONCE);
-        looks.iter_mut().for_each(|look| self.look(look, groups));
+        looks.iter_mut().for_each(|(look, _)| self.look(look, groups));
         if looks.len() > keep {
             let mut order: Vec<usize> = (0..looks.len()).collect();
-            let best_first =
-                |x: &usize, y: &usize| looks[*y].score.total_cmp(&looks[*x].score).then(x.cmp(y));
+            let best_first = |x: &usize, y: &usize| {
+                looks[*y].0.score.total_cmp(&looks[*x].0.score).then(x.cmp(y))
+            };
             order.select_nth_unstable_by(keep, best_first);
             let mut is_kept = vec![false; looks.len()];
             order[..keep].iter().for_each(|k| is_kept[*k] = true);
@@ -156,5 +155,62 @@ mod tests {
             assert!((gx - ex).abs() < 1e-4 && (gy - ey).abs() < 1e-4, "{got:?} {expected:?}");
         }
         assert_eq!(got.octant(700), expected.octant(700));
+    }
+
+    fn walls() -> (LocalMap, LocalMap) {
+        let config = Config::default();
+        let map = |shift: usize| {
+            let is_wall = |row: usize, col: usize| {
+                row == 20 || col == 30 || (row == 45 && col > 30) || (row * 7 + col * 3) % 211 == 0
+            };
+            let cells = (0..60 * 70).map(|k| is_wall(k / 70 + shift, k % 70));
+            let cells = cells.map(|is_wall| if is_wall { 100 } else { 0 }).collect();
+            let grid = OccupancyGrid::new("g", 70, 60, 0.1, Se2::IDENTITY, cells).unwrap();
+            LocalMap::new(grid, &config)
+        };
+        (map(0), map(5))
+    }
+
+    #[test]
+    fn the_first_samples_lie_all_over_the_map() {
+        let (map, _) = walls();
+        assert!(map.probes.len() > MOST);
+        assert_eq!(map.glimpses.len(), MOST / AT_ONCE);
+        let first = &map.glimpses[..2];
+        let weight: f32 = map.glimpses.iter().flat_map(|s| s.weight).sum();
+        let whole: f32 = map.probes.iter().map(|p| p.weight).sum();
+        assert!((weight / whole - 1.0).abs() < 0.1, "{weight} {whole}");
+        for side in 0..4 {
+            let is_there = |x: f32, y: f32| (x > 3.5) == (side % 2 == 0) && (y > 3.0) == (side < 2);
+            let there = |s: &Samples| (0..AT_ONCE).filter(|k| is_there(s.x[*k], s.y[*k])).count();
+            assert!(first.iter().map(there).sum::<usize>() >= 2, "{side}");
+        }
+    }
+
+    #[test]
+    fn narrowing_keeps_the_best_in_their_order_and_looks_on_where_it_left_off() {
+        let (a, b) = walls();
+        let glance = Glance::new(&a, &b);
+        // Map b begins five rows further up.
+        let at = |k: i32| Se2::new(0.0, 0.5 + 0.1 * f64::from(k), 0.0);
+        let mut looks: Vec<(Look, i32)> = (-8..9).map(|k| (glance.at(&at(k)), k)).collect();
+        glance.narrow(&mut looks, 16, 9);
+        assert_eq!(looks.len(), 9);
+        glance.narrow(&mut looks, MOST, 3);
+        let kept: Vec<i32> = looks.iter().map(|(_, k)| *k).collect();
+        assert!(kept.contains(&0) && kept.is_sorted(), "{kept:?}");
+        for (look, k) in &looks {
+            assert!((look.score - glance.score(&at(*k))).abs() <= 1e-3 * look.score.abs());
+        }
+    }
+
+    #[test]
+    fn few_samples_are_all_asked() {
+        let (map, _) = walls();
+        for n in [0, 1, 2, 5, 9, 100] {
+            let some = samples(&map.probes[..n]);
+            let weighty = some.iter().flat_map(|s| s.weight).filter(|w| *w > 0.0).count();
+            assert_eq!((some.len(), weighty), (n.div_ceil(AT_ONCE), n));
+        }
     }
 }

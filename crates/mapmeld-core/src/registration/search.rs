@@ -145,12 +145,13 @@ impl<'s> Search<'s> {
     fn looked_at(&self, structures: Vec<Candidate>, correlated: Vec<Candidate>) -> Vec<Scored> {
         let shortlist = self.effort.shortlist;
         let glance = Glance::new(self.a, self.b);
-        let mut looks: Vec<Look> = structures.into_iter().map(|c| glance.at(c)).collect();
+        let look = |c: Candidate| (glance.at(&c.t_a_b), c);
+        let mut looks: Vec<(Look, Candidate)> = structures.into_iter().map(look).collect();
         glance.narrow(&mut looks, GLIMPSE_SAMPLES, 30 * shortlist);
         glance.narrow(&mut looks, BRIEF_SAMPLES, 8 * shortlist);
-        looks.extend(correlated.into_iter().map(|c| glance.at(c)));
+        looks.extend(correlated.into_iter().map(look));
         glance.narrow(&mut looks, LONGER_SAMPLES, usize::MAX);
-        let looks = looks.into_iter().map(|l| (f64::from(l.score), l.candidate)).collect();
+        let looks = looks.into_iter().map(|(l, c)| (f64::from(l.score), c)).collect();
         self.distinct(looks, 3 * shortlist / 2)
     }
 
@@ -223,8 +224,8 @@ impl<'s> Search<'s> {
         (c, rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, &self.rungs))
     }
 
-    /// The best `keep` of some poses, no two the same, that may still matter: those that are likely, beside the best
-    /// too, and the best that tell so many different stories, however unlikely.
+    /// The best `keep` of some poses, no two the same, that may still matter beside the best, and the next best, however
+    /// unlikely, until so many different stories are told.
     fn rivals(&self, scored: Vec<Scored>, keep: usize, stories: usize) -> Vec<Scored> {
         let scored = self.distinct(scored, usize::MAX);
         let most = scored.first().map_or(0.0, |(l, _)| *l);
@@ -264,4 +265,44 @@ impl<'s> Search<'s> {
 
 fn poses(scored: Vec<Scored>) -> Vec<Candidate> {
     scored.into_iter().map(|(_, c)| c).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::OccupancyGrid;
+
+    fn map(config: &Config) -> LocalMap {
+        let cells = (0..900).map(|k| if k % 30 == 4 { 100 } else { 0 }).collect();
+        LocalMap::new(OccupancyGrid::new("g", 30, 30, 0.1, Se2::IDENTITY, cells).unwrap(), config)
+    }
+
+    /// Shifts along x of the rivals of some, shifts and log-likelihoods given, with so many stories at least.
+    fn rivals(some: &[(f64, f64)], keep: usize, stories: usize, least: f64) -> Vec<f64> {
+        let config = Config::default();
+        let (a, b) = (map(&config), map(&config));
+        let effort =
+            Effort { shortlist: 9, modes: 6, stories, rotations: 4, has_structures: false, least };
+        let search = Search::new(&a, &b, &effort, &config).unwrap();
+        let scored = some.iter().map(|(x, l)| {
+            let t_a_b = Se2::new(*x, 0.0, 0.0);
+            (*l, Candidate { t_a_b, source: Source::Corners })
+        });
+        let kept = search.rivals(scored.collect(), keep, stories);
+        kept.iter().map(|(_, c)| c.t_a_b.x).collect()
+    }
+
+    #[test]
+    fn what_lies_far_behind_is_left_except_for_another_story() {
+        let none = f64::NEG_INFINITY;
+        // 0.02 m apart is the same pose, 0.3 m the same story.
+        let some = [(9.0, 10.0), (0.0, 100.0), (0.02, 99.0), (0.3, 40.0), (5.0, 60.0), (7.0, 20.0)];
+        assert_eq!(rivals(&some, 6, 1, none), [0.0, 5.0]);
+        assert_eq!(rivals(&some, 6, 3, none), [0.0, 5.0, 0.3, 7.0]);
+        assert_eq!(rivals(&some, 1, 1, none), [0.0]);
+        assert_eq!(rivals(&some, 1, 2, none), [0.0, 5.0]);
+        // A best that is no better than chance is held against nobody.
+        assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0), (9.0, -3.0)], 6, 1, none), [0.0, 5.0, 9.0]);
+        assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0)], 6, 1, 4.0), [0.0]);
+    }
 }

@@ -2,7 +2,6 @@
 
 use crate::local_map::LocalMap;
 use crate::probe::{Axes, Probe};
-use crate::registration::{Candidate, Source};
 use crate::se2::{Rigid, Se2};
 
 /// Samples that are asked at once.

@@ -31,7 +31,7 @@ def default_config() -> dict[str, Any]:
 
 
 def least_probability(config: Mapping[str, Any], maps: int) -> float:
-    """Least probability of a merge among so many maps: evidence.min_probability, and more from 41 maps on.
+    """Least probability of a merge among so many maps: evidence.min_probability, and more from 33 maps on.
 
     config: all options, as effective_config gives them.
     """

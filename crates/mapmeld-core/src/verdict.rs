@@ -19,7 +19,7 @@ pub const FEATURES: usize = 15;
 pub const NEGLIGIBLE: f64 = 0.2;
 
 /// Maps among which chance is asked no more often than the fitted model expects.
-const FEW: usize = 40;
+const FEW: usize = 32;
 
 impl EvidenceConfig {
     /// The same among so many maps: each is held against more strangers, some of which look alike by chance, so less
@@ -186,10 +186,10 @@ mod tests {
     fn many_maps_allow_less_doubt() {
         let least = |maps| EvidenceConfig::default().among(maps).min_probability;
         let few = EvidenceConfig::default().min_probability;
-        assert_eq!([least(0), least(2), least(40)], [few; 3]);
-        assert!((1.0 - least(400) - 0.1 * (1.0 - few)).abs() < 1e-12);
+        assert_eq!([least(0), least(2), least(32)], [few; 3]);
+        assert!((1.0 - least(320) - 0.1 * (1.0 - few)).abs() < 1e-12);
         let bridge = |maps| EvidenceConfig::default().of_bridges(maps).min_probability;
-        assert_eq!(bridge(40), few);
-        assert!((1.0 - bridge(41) - 0.25 * (1.0 - few)).abs() < 1e-12);
+        assert_eq!(bridge(32), few);
+        assert!((1.0 - bridge(33) - 0.25 * (1.0 - few)).abs() < 1e-12);
     }
 }

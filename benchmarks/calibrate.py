@@ -4,8 +4,8 @@
     python benchmarks/calibrate.py --from rows.json                 # fit and report again
 
 Pairs of maps are registered; the features of each pair's best mode (`verdict::features` of the core) and
-whether it is right make one row. Every pair is asked both ways round: what chance reaches is a matter of chance
-itself. A logistic model is fitted to all rows: its weights are the default of
+whether it is right make one row. Every pair is asked both ways round: what chance
+reaches is a matter of chance itself. A logistic model is fitted to all rows: its weights are the default of
 `evidence.weights`. The tables are of models fitted without the building that they are asked about: every
 recorded building, and every kind of simulated one, in turn. Recorded cases are looked for as
 benchmarks/trust.py does.

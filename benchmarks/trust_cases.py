@@ -63,8 +63,10 @@ class MapPair:
     @property
     def turned(self) -> MapPair:
         """The same two maps, the second first."""
-        T_b_a = None if self.T_a_b is None else se2.inverse(self.T_a_b)
-        return replace(self, a=self.b, b=self.a, T_a_b=T_b_a)
+        if self.T_a_b is None:
+            return replace(self, a=self.b, b=self.a)
+        x, y, theta = (float(v) for v in se2.inverse(self.T_a_b))
+        return replace(self, a=self.b, b=self.a, T_a_b=(x, y, theta))
 
     @property
     def family(self) -> str:

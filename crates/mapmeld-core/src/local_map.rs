@@ -209,7 +209,7 @@ impl LocalMap {
         let kept = samples.min(self.probes.len()).max(1);
         // Sixteen bits behind the point: a division each would cost as much as the sample.
         let step = ((self.probes.len() as u64) << 16).div_ceil(kept as u64);
-        (0..).map_while(move |k: u64| self.probes.get((k * step >> 16) as usize))
+        (0..).map_while(move |k: u64| self.probes.get(((k * step) >> 16) as usize))
     }
 
     /// How many samples each of so many that are spread evenly stands for.
@@ -384,4 +384,28 @@ fn sample_walls(
             }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_samples_are_as_many_as_asked_for_and_reach_the_end() {
+        let cells = (0..80 * 80).map(|k| if (k / 80) % 20 == 4 { 100 } else { 0 }).collect();
+        let grid = OccupancyGrid::new("g", 80, 80, 0.1, Se2::IDENTITY, cells).unwrap();
+        let map = LocalMap::new(grid, &Config::default());
+        let all = map.probes.len();
+        for samples in [1, 7, 100, all - 1, all, 2 * all, usize::MAX] {
+            let some: Vec<&Probe> = map.spread(samples).collect();
+            let at = |p: &&Probe| map.probes.iter().position(|q| std::ptr::eq(*p, q)).unwrap();
+            let indices: Vec<usize> = some.iter().map(at).collect();
+            let (least, most) = (samples.min(all) * 99 / 100, samples.min(all));
+            assert!((least..=most).contains(&some.len()), "{samples}: {}", some.len());
+            assert!(indices.is_sorted_by(|x, y| x < y));
+            assert!(all - 1 - indices[indices.len() - 1] <= all.div_ceil(samples), "{samples}");
+            let stands_for = map.share(samples) * some.len() as f64 / all as f64;
+            assert!((stands_for - 1.0).abs() < 0.02, "{samples}: {stands_for}");
+        }
+    }
 }

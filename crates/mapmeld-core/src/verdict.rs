@@ -76,7 +76,8 @@ impl Background {
 }
 
 /// The features, in the order of [`EvidenceConfig::weights`] after the constant. `chance` is the best
-/// log-likelihood ratio, nats, that the mirror image or a less likely pose reaches with these maps.
+/// log-likelihood ratio, nats, that the mirror image or a less likely pose reaches with these maps; it counts for
+/// [`NEGLIGIBLE`] of the pose's own at least.
 pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURES] {
     // A few agreeing observations are taken for granted, so that a small overlap does not turn one stray
     // cell into a large share.

@@ -56,7 +56,7 @@ class Parameters:
     )
     estimation_confidence: float = _parameter(
         1.0,
-        "How sure a link must be. 1: as Mapmeld has it (0.98 while maps grow, 0.8 when they are done); "
+        "How sure a link must be. 1: as Mapmeld has it (0.98 while maps grow, 0.75 when they are done); "
         "at c the doubt that is left is taken to the power of c.",
         between=(0.0, 10.0),
     )

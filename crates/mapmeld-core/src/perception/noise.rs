@@ -11,7 +11,8 @@ use crate::verdict::NEGLIGIBLE;
 /// How much clearer of chance, in square roots of nats, each further degree of bending must stand.
 const WIDER: f64 = 0.6;
 
-/// The degree of bending, by its index, at which the maps' best fits stand clearest of what chance reaches.
+/// The degree of bending, by its index, at which the maps' best fits stand clearest of what chance reaches, which is
+/// [`NEGLIGIBLE`] of their likelihood at least.
 pub fn how_bent(found: &[Registered], maps: &[&LocalMap]) -> usize {
     let rungs = found.first().map_or(1, |f| f.rungs.len());
     let clearance = |k: usize| -> f64 {

@@ -131,6 +131,11 @@ mod tests {
             let t = t_same.compose(&Se2::new(off(), off(), 0.3 * off()));
             let slow = likelihood::pair(&a, &b, &t, 1, &p).log_likelihood;
             let fast = log_likelihoods(&a, &b, &t, usize::MAX, std::slice::from_ref(&p))[0];
+            // Softer walls and sharp ones are told of in one go.
+            let soft = PerceptionConfig { wall_sigma: 0.3, ..p.clone() };
+            let both = log_likelihoods(&a, &b, &t, 90, &[p.clone(), soft.clone()]);
+            let alone = |q| log_likelihoods(&a, &b, &t, 90, std::slice::from_ref(q))[0];
+            assert_eq!(both, [alone(&p), alone(&soft)]);
             // A sample on the edge of a cell, or of an octant, may fall to either side.
             assert!((slow - fast).abs() <= 0.5 + 0.02 * slow.abs(), "{k}: {slow} {fast}");
         }

@@ -128,15 +128,16 @@ impl CoarseTable {
         for s in samples {
             // Where they lie first, all at once; then what the cells there say.
             let mut cells = [0i32; AT_ONCE];
-            for k in 0..AT_ONCE {
+            for (k, at) in cells.iter_mut().enumerate() {
                 let (x, y) = axes.apply(s.x[k], s.y[k]);
                 let (u, v) = (x * per_metre, y * per_metre);
                 let is_inside = (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height);
-                let cell = v as i32 * columns + u as i32;
-                cells[k] = if is_inside { cell } else { outside };
+                // Outside, anything may come of it.
+                let cell = (v as i32).wrapping_mul(columns).wrapping_add(u as i32);
+                *at = if is_inside { cell } else { outside };
             }
-            for k in 0..AT_ONCE {
-                let (agree, contradict) = self.at(axes.octant(s.direction[k]), cells[k] as usize);
+            for (k, cell) in cells.into_iter().enumerate() {
+                let (agree, contradict) = self.at(axes.octant(s.direction[k]), cell as usize);
                 score[k] += s.weight[k] * agree + s.conflict_weight[k] * contradict;
             }
         }

@@ -33,7 +33,7 @@ const FIRST_STEPS: usize = 6;
 const RIVAL: f64 = 0.5;
 /// Log-likelihood from which the best is held against the others, nats: below it all are chance's.
 const TELLING: f64 = 20.0;
-/// Log-likelihood from which the first looks at the others are held against the best's, nats.
+/// Log-likelihood from which the first looks at the others are held against a pose's, nats.
 const PROVEN: f64 = 60.0;
 /// Candidates that are led uphill however far their looks lie behind.
 const BEGUN: usize = 16;
@@ -225,7 +225,7 @@ impl<'s> Search<'s> {
     }
 
     /// The best `keep` of some poses, no two the same, that may still matter beside the best, and the next best, however
-    /// unlikely, until so many different stories are told.
+    /// unlikely, until so many different stories are told. Hints need not be likely.
     fn rivals(&self, scored: Vec<Scored>, keep: usize, stories: usize) -> Vec<Scored> {
         let scored = self.distinct(scored, usize::MAX);
         let most = scored.first().map_or(0.0, |(l, _)| *l);
@@ -234,7 +234,9 @@ impl<'s> Search<'s> {
         let mut kept: Vec<Scored> = Vec::new();
         for (l, c) in scored {
             let told = || registration::stories(kept.iter().map(|k| &k.1.t_a_b), self.center).len();
-            if (l > bar && kept.len() < keep) || told() < stories {
+            let is_likely = l > bar || c.source == Source::Members;
+            if (is_likely && kept.len() < keep) || (told() < stories && kept.len() < keep + stories)
+            {
                 kept.push((l, c));
             }
         }
@@ -279,6 +281,16 @@ mod tests {
 
     /// Shifts along x of the rivals of some, shifts and log-likelihoods given, with so many stories at least.
     fn rivals(some: &[(f64, f64)], keep: usize, stories: usize, least: f64) -> Vec<f64> {
+        rivals_of(some, Source::Corners, keep, stories, least)
+    }
+
+    fn rivals_of(
+        some: &[(f64, f64)],
+        source: Source,
+        keep: usize,
+        stories: usize,
+        least: f64,
+    ) -> Vec<f64> {
         let config = Config::default();
         let (a, b) = (map(&config), map(&config));
         let effort =
@@ -286,7 +298,7 @@ mod tests {
         let search = Search::new(&a, &b, &effort, &config).unwrap();
         let scored = some.iter().map(|(x, l)| {
             let t_a_b = Se2::new(*x, 0.0, 0.0);
-            (*l, Candidate { t_a_b, source: Source::Corners })
+            (*l, Candidate { t_a_b, source })
         });
         let kept = search.rivals(scored.collect(), keep, stories);
         kept.iter().map(|(_, c)| c.t_a_b.x).collect()
@@ -304,5 +316,10 @@ mod tests {
         // A best that is no better than chance is held against nobody.
         assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0), (9.0, -3.0)], 6, 1, none), [0.0, 5.0, 9.0]);
         assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0)], 6, 1, 4.0), [0.0]);
+        // Of one story no more than are asked for.
+        let one_story = [0.0, 0.21, -0.21, 0.42, -0.42].map(|x| (x, 9.0));
+        assert_eq!(rivals(&one_story, 1, 2, none).len(), 3);
+        // What is known to be worth a climb stays however far it lies behind.
+        assert_eq!(rivals_of(&some, Source::Members, 6, 1, none).len(), 5);
     }
 }

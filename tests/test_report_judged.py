@@ -154,7 +154,7 @@ def test_places_of_an_ambiguous_map(story: Story) -> None:
     )
     one = ambiguous(story, (3.0, 0.33))
     assert re.match(
-        r"Only one place is likely, .*0.33\), but not likely enough: 0.8", places_words("hall", one)
+        r"Only one place is likely, .*0.33\), but not likely enough: 0.75", places_words("hall", one)
     )
     assert "Only one place is likely" in page(one)
     assert "No arrangement" in places_words("hall", ambiguous(story))

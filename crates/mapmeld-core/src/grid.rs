@@ -208,13 +208,18 @@ impl Locator {
     /// Index of the cell that holds the point, none outside the grid.
     #[inline(always)]
     pub fn index(&self, p: Vec2) -> Option<usize> {
+        self.cell(p).map(|(row, col)| row * self.width + col)
+    }
+    /// Row and column of the cell that holds the point, none outside the grid.
+    #[inline(always)]
+    pub fn cell(&self, p: Vec2) -> Option<(usize, usize)> {
         let q = self.to_cells(p);
         // A negative float turns into 0 by `as`, so the sign is asked first.
         if q.x < 0.0 || q.y < 0.0 {
             return None;
         }
         let (col, row) = (q.x as usize, q.y as usize);
-        (col < self.width && row < self.height).then_some(row * self.width + col)
+        (col < self.width && row < self.height).then_some((row, col))
     }
 }
 

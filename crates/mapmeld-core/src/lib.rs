@@ -24,6 +24,7 @@
 //! ```
 #![warn(missing_docs)]
 pub mod batch;
+pub mod blocks;
 pub mod boundary;
 pub mod cache;
 pub mod canonical;
@@ -37,6 +38,7 @@ pub mod filter;
 mod forbidden;
 pub mod fuse;
 pub mod grid;
+pub mod ground;
 pub mod joining;
 pub mod likelihood_field;
 pub mod local_map;

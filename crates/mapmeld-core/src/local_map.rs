@@ -2,17 +2,15 @@
 
 mod mirror;
 
+use crate::blocks::Blocks;
 use crate::boundary::{self, BoundaryPoint};
 use crate::config::Config;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
+use crate::ground::Ground;
 use crate::likelihood_field::{FieldView, LikelihoodField, ProbeView};
 use crate::probe::{self, Probe};
-use crate::registration::{
-    coarse_table::CoarseTable,
-    correlation,
-    glance::{self, Samples},
-};
+use crate::registration::{coarse_table::CoarseTable, correlation};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
 use std::collections::HashMap;
@@ -80,8 +78,8 @@ pub struct LocalMap {
     pub samples: Vec<WallSample>,
     /// The same as registration asks them.
     pub probes: Vec<Probe>,
-    /// Some of them, all over the map, for a first look at a pose.
-    pub glimpses: Vec<Samples>,
+    /// The same as thousands of poses ask them.
+    pub blocks: Blocks,
     /// Weight of the walls by direction in the grid's axes, see [`correlation::turns`].
     pub turns: Box<[f32; correlation::BINS]>,
     /// The wall samples in patches of a few metres.
@@ -94,12 +92,10 @@ pub struct LocalMap {
     pub spacing: f64,
     /// Mean of the known cells' centres; none for a blank map.
     pub center: Option<Vec2>,
-    /// Squared distance out of free space: how deep a cell lies in it.
-    pub depth: DistanceTable,
+    /// What other maps' walls mean in each cell.
+    pub ground: Ground,
     /// Open floor: thinned cells that lie clear of every wall and of the unknown.
     pub floor: ClassCells,
-    /// How much of a full conflict a wall is, by the squared depth in free space at which it lies.
-    pub conflict_shares: Box<[f64; 256]>,
     /// Scores for exhaustive correlation.
     pub coarse: CoarseTable,
     field: LikelihoodField,
@@ -155,22 +151,21 @@ impl LocalMap {
         let reach_cells =
             ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, 15);
         let field = LikelihoodField::new(&grid, &boundary, reach_cells);
-        let depth = DistanceTable::to_other_than(&grid, Class::Free);
+        let ground = Ground::new(&grid, &config.perception);
         Self {
             wall_length,
             straight_share: (long / wall_length.max(1e-9)).min(1.0),
             spacing: config.perception.sample_spacing.max(grid.resolution()),
             center: grid.known_center(),
-            coarse: CoarseTable::new(&grid, &boundary, &field, &depth),
-            floor: open_floor(&grid, &depth),
-            depth,
-            conflict_shares: Box::new(conflict_shares(grid.resolution(), config)),
+            coarse: CoarseTable::new(&grid, &boundary, &field, &ground),
+            floor: open_floor(&grid, &ground),
+            ground,
             boundary,
             lines,
             corners,
             patches: patches(&samples),
             turns: Box::new(correlation::turns(&probes)),
-            glimpses: glance::samples(&probes),
+            blocks: Blocks::new(&probes),
             probes,
             samples,
             field,
@@ -202,19 +197,6 @@ impl LocalMap {
     /// The likelihood field as seen from another grid's axes.
     pub fn probe_view(&self, t_axes_axes: &Se2) -> ProbeView<'_> {
         ProbeView::new(&self.grid, &self.field, t_axes_axes)
-    }
-
-    /// So many of the probes, spread evenly, or all if there are fewer.
-    pub fn spread(&self, samples: usize) -> impl Iterator<Item = &Probe> {
-        let kept = samples.min(self.probes.len()).max(1);
-        // Sixteen bits behind the point: a division each would cost as much as the sample.
-        let step = ((self.probes.len() as u64) << 16).div_ceil(kept as u64);
-        (0..).map_while(move |k: u64| self.probes.get(((k * step) >> 16) as usize))
-    }
-
-    /// How many samples each of so many that are spread evenly stands for.
-    pub fn share(&self, samples: usize) -> f64 {
-        (self.probes.len() as f64 / samples.max(1) as f64).max(1.0)
     }
 
     /// How far the likelihood field reaches, metres.
@@ -299,9 +281,10 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
 }
 
 /// The free cells that lie at least [`CLEAR`] deep in free space, thinned to [`MAX_FLOOR`].
-fn open_floor(grid: &OccupancyGrid, depth: &DistanceTable) -> ClassCells {
+fn open_floor(grid: &OccupancyGrid, ground: &Ground) -> ClassCells {
     let clear = (CLEAR / grid.resolution()).max(2.0).powi(2).min(250.0) as u8;
-    let open: Vec<usize> = (0..grid.cells().len()).filter(|i| depth.squared(*i) >= clear).collect();
+    let open: Vec<usize> =
+        (0..grid.cells().len()).filter(|i| ground.depth_squared(*i) >= clear).collect();
     let kept = open.len().min(MAX_FLOOR);
     let of = |k: usize| open[k * open.len() / kept];
     let (w, cell) = (grid.width(), grid.resolution().powi(2));
@@ -309,22 +292,6 @@ fn open_floor(grid: &OccupancyGrid, depth: &DistanceTable) -> ClassCells {
         centers: (0..kept).map(|k| grid.cell_center(of(k) / w, of(k) % w)).collect(),
         scale: if kept == 0 { 0.0 } else { open.len() as f64 / kept as f64 * cell },
     }
-}
-
-/// No conflict up to a depth, a full one from a greater depth on, in proportion between.
-fn conflict_shares(resolution: f64, config: &Config) -> [f64; 256] {
-    let p = &config.perception;
-    let least = (p.conflict_depth / resolution).clamp(3.0, 15.9);
-    // Depths are known up to the reach of the distance table only.
-    let full = (p.full_conflict_depth / resolution).clamp(least, 15.9);
-    std::array::from_fn(|squared| {
-        let depth = (squared as f64).sqrt();
-        if depth < least {
-            0.0
-        } else {
-            (depth / full).min(1.0)
-        }
-    })
 }
 
 /// Thins the boundary to a spacing and shares out the evidence: neighbouring wall points are
@@ -384,28 +351,4 @@ fn sample_walls(
             }
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn spread_samples_are_as_many_as_asked_for_and_reach_the_end() {
-        let cells = (0..80 * 80).map(|k| if (k / 80) % 20 == 4 { 100 } else { 0 }).collect();
-        let grid = OccupancyGrid::new("g", 80, 80, 0.1, Se2::IDENTITY, cells).unwrap();
-        let map = LocalMap::new(grid, &Config::default());
-        let all = map.probes.len();
-        for samples in [1, 7, 100, all - 1, all, 2 * all, usize::MAX] {
-            let some: Vec<&Probe> = map.spread(samples).collect();
-            let at = |p: &&Probe| map.probes.iter().position(|q| std::ptr::eq(*p, q)).unwrap();
-            let indices: Vec<usize> = some.iter().map(at).collect();
-            let (least, most) = (samples.min(all) * 99 / 100, samples.min(all));
-            assert!((least..=most).contains(&some.len()), "{samples}: {}", some.len());
-            assert!(indices.is_sorted_by(|x, y| x < y));
-            assert!(all - 1 - indices[indices.len() - 1] <= all.div_ceil(samples), "{samples}");
-            let stands_for = map.share(samples) * some.len() as f64 / all as f64;
-            assert!((stands_for - 1.0).abs() < 0.02, "{samples}: {stands_for}");
-        }
-    }
 }

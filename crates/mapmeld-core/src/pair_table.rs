@@ -95,8 +95,8 @@ impl PairTable {
     /// The best log-likelihood that the mirror image of one of the maps reaches on the other; where it was not
     /// tried, what the modes reach, none of which stands: that is chance as well. Zero of pairs not registered.
     pub fn decoy(&self, a: usize, b: usize) -> f64 {
-        let chance = |p: &PairModes| match (p.found.decoys.as_slice(), p.found.modes.first()) {
-            ([], Some(best)) => best.evidence.log_likelihood.max(0.0),
+        let chance = |p: &PairModes| match (p.found.decoy, p.found.modes.first()) {
+            (None, Some(best)) => best.evidence.log_likelihood.max(0.0),
             _ => p.found.decoy(),
         };
         self.find(a, b).map_or(0.0, chance)

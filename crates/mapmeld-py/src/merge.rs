@@ -143,7 +143,7 @@ pub fn pair<'py>(py: Python<'py>, p: &PairModes) -> PyResult<Bound<'py, PyDict>>
     d.set_item("candidates", p.candidates)?;
     d.set_item("status", p.status.name())?;
     d.set_item("probability", p.probability)?;
-    let decoy = p.found.decoys.iter().map(|e| e.log_likelihood).reduce(f64::max);
+    let decoy = p.found.decoy;
     d.set_item("decoy_log_likelihood", decoy)?;
     let modes = p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?;
     d.set_item("modes", modes)?;

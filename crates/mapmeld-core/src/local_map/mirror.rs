@@ -1,9 +1,10 @@
 //! The mirror image of a prepared map: its tables turned over, where to prepare it anew would cost as much as the map.
 
+use crate::blocks::Blocks;
 use crate::boundary::BoundaryPoint;
 use crate::local_map::{ClassCells, LocalMap, Patch, WallSample};
 use crate::probe::Probe;
-use crate::registration::{coarse_table::CoarseTable, correlation, glance};
+use crate::registration::{coarse_table::CoarseTable, correlation};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{Corner, Line};
 use std::sync::OnceLock;
@@ -93,11 +94,11 @@ impl LocalMap {
         };
         let patch = |p: &Patch| Patch { center: mirror.point(p.center), ..p.clone() };
         let field = self.field.mirrored(columns, mirror.width);
-        let depth = self.depth.mirrored(columns);
+        let ground = self.ground.mirrored(columns);
         Self {
-            coarse: CoarseTable::new(&grid, &boundary, &field, &depth),
+            coarse: CoarseTable::new(&grid, &boundary, &field, &ground),
             turns: Box::new(correlation::turns(&probes)),
-            glimpses: glance::samples(&probes),
+            blocks: Blocks::new(&probes),
             lines: self.lines.iter().map(|l| mirror.line(l)).collect(),
             corners: self.corners.iter().map(|c| mirror.corner(c)).collect(),
             samples: self.samples.iter().map(sample).collect(),
@@ -107,14 +108,13 @@ impl LocalMap {
                 centers: self.floor.centers.iter().map(|p| mirror.point(*p)).collect(),
                 ..self.floor
             },
-            conflict_shares: self.conflict_shares.clone(),
             occupied: OnceLock::new(),
             free: OnceLock::new(),
             grid,
             boundary,
             probes,
             field,
-            depth,
+            ground,
             ..*self
         }
     }
@@ -141,7 +141,7 @@ mod tests {
                 _ => 0,
             }
         });
-        OccupancyGrid::new("room", w, h, 0.05, Se2::new(4.0, -2.0, 0.3), cells.collect()).unwrap()
+        OccupancyGrid::new("room", w, h, 0.1, Se2::new(4.0, -2.0, 0.3), cells.collect()).unwrap()
     }
 
     #[test]
@@ -154,11 +154,13 @@ mod tests {
         assert_eq!(turned.boundary.len(), anew.boundary.len());
         let columns = map.grid.width();
         for cell in 0..turned.grid.cells().len() {
-            assert_eq!(turned.depth.squared(cell), anew.depth.squared(cell));
+            assert_eq!(turned.ground.depth_squared(cell), anew.ground.depth_squared(cell));
             let at = turned.grid.cell_center(cell / columns, cell % columns);
             for d in 0..DIRECTIONS {
                 let far = |m: &LocalMap| {
-                    m.field.nearest(cell, d).map(|k| (m.boundary[k].position - at).norm())
+                    m.field
+                        .nearest(cell / columns, cell % columns, d)
+                        .map(|k| (m.boundary[k].position - at).norm())
                 };
                 match (far(&turned), far(&anew)) {
                     (Some(x), Some(y)) => assert!((x - y).abs() < 1e-9),

@@ -6,11 +6,12 @@
 //! paid for, as improbable as drift makes it, so that maps which agree by chance cannot be bent until they fit:
 //! chance moves neighbouring patches different ways.
 
+use crate::blocks::{self, Block};
 use crate::config::PerceptionConfig;
 use crate::local_map::{LocalMap, Patch};
 use crate::perception::likelihood::{self, WallEvidence};
 use crate::perception::placed::Placed;
-use crate::probe::Probe;
+use crate::perception::pull::{Matches, Pull};
 use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
@@ -86,7 +87,7 @@ impl<'a> Puller<'a> {
     /// gradient of (x, y, theta), turning about `at`, a point of the world.
     fn pull(
         &self,
-        probes: &[Probe],
+        probes: &[Block],
         t_world_from: &Se2,
         at: Vec2,
         scale: f64,
@@ -95,31 +96,15 @@ impl<'a> Puller<'a> {
         let shift = self.to_axes.apply(t_world_from.translation());
         let turn = self.t_axes_world.theta + t_world_from.theta;
         let view = self.placed.map.probe_view(&Se2::from_parts(shift, turn));
-        let at = self.to_axes.apply(at);
-        let at = (at.x as f32, at.y as f32);
-        let scale = (scale * scale) as f32;
-        let (mut h, mut g) = ([0.0f32; 6], [0.0f32; 3]);
-        for p in probes {
-            let Some(s) = view.see(p) else { continue };
-            let Some(wall) = view.wall(&s, 0) else { continue };
-            let residual = (s.x - wall.x) * wall.nx + (s.y - wall.y) * wall.ny;
-            let turn = wall.ny * (s.x - at.0) - wall.nx * (s.y - at.1);
-            let w = scale / (scale + residual * residual);
-            let w = w * w;
-            let (wx, wy, wt) = (w * wall.nx, w * wall.ny, w * turn);
-            h[0] += wx * wall.nx;
-            h[1] += wx * wall.ny;
-            h[2] += wx * turn;
-            h[3] += wy * wall.ny;
-            h[4] += wy * turn;
-            h[5] += wt * turn;
-            g[0] += wx * residual;
-            g[1] += wy * residual;
-            g[2] += wt * residual;
+        let mut pull = Pull::new(self.to_axes.apply(at), scale);
+        for block in probes {
+            let s = view.see(block);
+            let w = view.walls(&s, 0);
+            let off = |k: usize| (s.x[k] - w.x[k]) * w.nx[k] + (s.y[k] - w.y[k]) * w.ny[k];
+            let residual = std::array::from_fn(off);
+            pull.add(&Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
         }
-        let [xx, xy, xt, yy, yt, tt] = h.map(f64::from);
-        let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
-        (self.turn * h * self.turn.transpose(), self.turn * Vector3::from(g.map(f64::from)))
+        (self.turn * pull.information() * self.turn.transpose(), self.turn * pull.gradient())
     }
 }
 
@@ -149,8 +134,8 @@ pub fn unbend<I: Iterator<Item = u32>>(
     let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let motion = |p: &Patch| Motion::none(rigid.apply(p.center));
     // Asked of in every round.
-    let probes_of = |k: usize| samples(k).map(|i| from.probes[i as usize]).collect();
-    let probes: Vec<Vec<Probe>> = (0..from.patches.len()).map(probes_of).collect();
+    let probes_of = |k: usize| blocks::of(samples(k).map(|i| &from.probes[i as usize]));
+    let probes: Vec<Vec<Block>> = (0..from.patches.len()).map(probes_of).collect();
     let mut motions: Vec<Motion> = from.patches.iter().map(motion).collect();
     let mut scale = 0.5 * reach;
     for _ in 0..ROUNDS {

@@ -4,6 +4,7 @@
 //! speaks against the pose only where it lies so deep in clear free space that it is a full conflict. Bending may take
 //! some of these out of there: the softer maps are, the less such a wall says. An estimate, from few of the samples.
 
+use crate::blocks::{self, LANES};
 use crate::config::PerceptionConfig;
 use crate::perception::placed::Placed;
 use crate::probe::axes_of;
@@ -55,20 +56,24 @@ fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 
             continue;
         }
         let asked = patch.samples.iter().filter(|k| is_asked[**k as usize]).step_by(STRIDE);
-        for p in asked.map(|k| &from.map.probes[*k as usize]) {
-            let (mut hits, mut conflicts) = (0.0, 0.0);
+        let asked = asked.map(|k| &from.map.probes[*k as usize]);
+        for block in blocks::of(asked) {
+            let (mut hits, mut conflicts) = ([0.0; LANES], [0.0; LANES]);
             for (map, _, view) in &near {
-                let Some(seen) = view.see(p) else { continue };
-                if view.wall(&seen, 0).is_some() {
-                    hits += 1.0;
-                } else if map.conflict_shares[usize::from(map.depth.squared(seen.cell))] >= 1.0 {
-                    conflicts += 1.0;
+                let seen = view.see(&block);
+                let walls = view.walls(&seen, 0);
+                for k in 0..LANES {
+                    let is_full = map.ground.conflict(seen.cell[k] as usize) >= 1.0;
+                    let is_there = walls.is_there(k);
+                    hits[k] += f64::from(u8::from(is_there));
+                    conflicts[k] += f64::from(u8::from(!is_there && is_full));
                 }
             }
-            if hits + conflicts > 0.0 {
-                let excuse = excuses[usize::from(p.straight)];
-                let against = conflicts * f64::from(p.conflict_weight) * excuse;
-                sum += (hits * config.hit * f64::from(p.weight) + against) / (hits + conflicts);
+            for k in (0..LANES).filter(|k| hits[*k] + conflicts[*k] > 0.0) {
+                let excuse = excuses[usize::from(block.straight[k])];
+                let against = conflicts[k] * f64::from(block.conflict_weight[k]) * excuse;
+                let agreed = hits[k] * config.hit * f64::from(block.weight[k]);
+                sum += (agreed + against) / (hits[k] + conflicts[k]);
             }
         }
     }

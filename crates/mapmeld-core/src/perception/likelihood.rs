@@ -8,7 +8,7 @@
 //! neighbours count once ([`crate::local_map::WallSample::weight`]).
 
 use crate::config::PerceptionConfig;
-use crate::grid::{class_of, Class};
+use crate::grid::Class;
 use crate::local_map::{LocalMap, WallSample};
 use crate::perception::placed::Placed;
 use crate::se2::{Se2, Vec2};
@@ -153,11 +153,12 @@ impl<'a> Target<'a> {
                 return Outcome::Opposed;
             }
         }
-        match class_of(self.map.grid.cells()[cell]) {
+        let (row, col) = cell;
+        match self.map.grid.class(row, col) {
             Class::Unknown => Outcome::Unknown,
-            Class::Free => match self.map.conflict_shares[self.map.depth.squared(cell) as usize] {
+            Class::Free => match self.map.ground.conflict(row * self.map.grid.width() + col) {
                 0.0 => Outcome::Miss,
-                share => Outcome::Conflict(share),
+                share => Outcome::Conflict(share.into()),
             },
             Class::Occupied => Outcome::Miss,
         }
@@ -265,7 +266,7 @@ pub fn shared_floor(
         let (mut free, mut seen) = (0.0, 0.0);
         for t in &targets {
             let Some(cell) = t.view.cell(*p) else { continue };
-            match class_of(t.map.grid.cells()[cell]) {
+            match t.map.grid.class(cell.0, cell.1) {
                 Class::Free => free += 1.0,
                 Class::Occupied => {}
                 Class::Unknown => continue,

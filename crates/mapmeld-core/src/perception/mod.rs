@@ -9,6 +9,7 @@ pub mod overlay;
 pub mod placed;
 pub mod pool;
 pub mod psi;
+pub mod pull;
 pub mod rigid;
 
 pub use likelihood::WallEvidence;

@@ -2,8 +2,9 @@
 //!
 //! The model is that of [`crate::perception::likelihood`]; a wall's distance is taken in single precision.
 
+use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
-use crate::grid::{class_of, Class};
+use crate::likelihood_field::{Seen, Walls};
 use crate::local_map::LocalMap;
 use crate::perception::likelihood::noise_of;
 use crate::probe::axes_of;
@@ -22,10 +23,10 @@ pub fn log_likelihoods(
     let mut sums = vec![Sum::default(); models.len()];
     one_way(a, b, &axes, samples, models, &mut sums);
     let mut total: Vec<f64> =
-        sums.iter().map(|s| 0.5 * b.share(samples) * f64::from(s.value)).collect();
+        sums.iter().map(|s| 0.5 * b.blocks.share(samples) * s.total()).collect();
     one_way(b, a, &axes.inverse(), samples, models, &mut sums);
     for (total, s) in total.iter_mut().zip(&sums) {
-        *total += 0.5 * a.share(samples) * f64::from(s.value);
+        *total += 0.5 * a.blocks.share(samples) * s.total();
     }
     total
 }
@@ -33,10 +34,16 @@ pub fn log_likelihoods(
 /// What the samples say under one model.
 #[derive(Clone, Copy, Default)]
 struct Sum {
-    value: f32,
+    value: [f32; LANES],
     /// Squared distance up to which a wall is in place.
     radius: f32,
     scale: f32,
+}
+
+impl Sum {
+    fn total(&self) -> f64 {
+        self.value.iter().copied().map(f64::from).sum()
+    }
 }
 
 /// What so many samples of `from` say of `to`.
@@ -52,7 +59,7 @@ fn one_way(
     for (sum, model) in sums.iter_mut().zip(models) {
         let noise = noise_of(to, from, model);
         *sum = Sum {
-            value: 0.0,
+            value: [0.0; LANES],
             radius: (noise.hit_radius * noise.hit_radius) as f32,
             scale: noise.inv_two_sigma_squared as f32,
         };
@@ -61,38 +68,45 @@ fn one_way(
     let (hit, miss, opposed) = (common.hit as f32, common.miss as f32, common.opposed as f32);
     let conflicts = [common.conflict as f32, common.straight_conflict as f32];
     let view = to.probe_view(axes);
-    for p in from.spread(samples) {
-        let Some(s) = view.see(p) else { continue };
-        let squared = |w: &crate::likelihood_field::Wall| {
-            let (dx, dy) = (s.x - w.x, s.y - w.y);
-            let across = dx * w.nx + dy * w.ny;
-            let along = ((dx * w.ny - dy * w.nx).abs() - slack).max(0.0);
-            across * across + along * along
-        };
-        let nearest = view.wall(&s, 0).map_or(f32::INFINITY, squared);
-        // What it says where no wall is in place: seldom asked, once for all models.
-        let mut otherwise: Option<(f32, f32)> = None;
+    for block in from.blocks.first(samples) {
+        let seen = view.see(block);
+        let (nearest, against) = (
+            squared(&seen, &view.walls(&seen, 0), slack),
+            squared(&seen, &view.walls(&seen, 1), slack),
+        );
+        // What is said where no wall is in place.
+        let ground = seen.cell.map(|c| to.ground.conflict_and_miss(c as usize));
+        let mut otherwise = [0.0; LANES];
+        for (k, (conflict, is_miss)) in ground.into_iter().enumerate() {
+            let excuse = conflicts[usize::from(block.straight[k])];
+            otherwise[k] =
+                is_miss * block.weight[k] * miss + conflict * block.conflict_weight[k] * excuse;
+        }
         for sum in sums.iter_mut() {
-            if nearest <= sum.radius {
-                sum.value += p.weight * (hit - nearest * sum.scale);
-                continue;
+            for k in 0..LANES {
+                let agrees = block.weight[k] * (hit - nearest[k] * sum.scale);
+                let is_opposed = against[k] <= 0.25 * sum.radius;
+                let other = if is_opposed { block.weight[k] * opposed } else { otherwise[k] };
+                sum.value[k] += if nearest[k] <= sum.radius { agrees } else { other };
             }
-            let (against, other) = *otherwise.get_or_insert_with(|| {
-                let against = view.wall(&s, 1).map_or(f32::INFINITY, squared);
-                let depth = to.depth.squared(s.cell);
-                let is_unknown = depth == 0 && class_of(to.grid.cells()[s.cell]) == Class::Unknown;
-                let share = to.conflict_shares[usize::from(depth)] as f32;
-                let other = match depth {
-                    0 if is_unknown => 0.0,
-                    0 => p.weight * miss,
-                    _ if share == 0.0 => p.weight * miss,
-                    _ => share * p.conflict_weight * conflicts[usize::from(p.straight)],
-                };
-                (against, other)
-            });
-            sum.value += if against <= 0.25 * sum.radius { p.weight * opposed } else { other };
         }
     }
+}
+
+/// Squared distances from walls, metres; a cell's length along a wall costs nothing.
+#[inline(always)]
+fn squared(s: &Seen, w: &Walls, slack: f32) -> [f32; LANES] {
+    std::array::from_fn(|k| {
+        let (dx, dy) = (s.x[k] - w.x[k], s.y[k] - w.y[k]);
+        let across = dx * w.nx[k] + dy * w.ny[k];
+        let along = (dx * w.ny[k] - dy * w.nx[k]).abs() - slack;
+        let along = if along > 0.0 { along } else { 0.0 };
+        if w.is_there(k) {
+            across * across + along * along
+        } else {
+            f32::INFINITY
+        }
+    })
 }
 
 #[cfg(test)]

@@ -1,52 +1,43 @@
 //! From a candidate to the local maximum of the likelihood, and the Gaussian there (paper, section 3;
 //! the improved proposal of Stachniss, Grisetti, Burgard, Roy, IROS 2007).
 
+use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
+use crate::perception::pull::{Matches, Pull};
 use crate::probe::{axes_of, Axes};
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
-/// A wall of one map that lies on a wall of the other at the current pose, in the axes of grid a.
-#[derive(Debug, Clone, Copy)]
-pub struct Match {
-    /// Point of map b, metres.
-    pub x: f32,
-    /// The same.
-    pub y: f32,
-    /// Unit normal.
-    pub nx: f32,
-    /// The same.
-    pub ny: f32,
-    /// Signed distance that the point has to go back along the normal, metres.
-    pub residual: f32,
-}
-
-/// Walls of b that fall on like-oriented walls of a, and the other way round; of each map so many samples at most.
+/// Walls of b that fall on like-oriented walls of a, and the other way round, in the axes of grid a; of each map so
+/// many samples at most.
 #[inline(always)]
 fn matches(
     a: &LocalMap,
     b: &LocalMap,
     t_axes_axes: &Se2,
     (of_a, of_b): (usize, usize),
-    mut f: impl FnMut(Match),
+    mut f: impl FnMut(Matches),
 ) {
     let axes = Axes::new(t_axes_axes);
     let view = a.probe_view(t_axes_axes);
-    for p in b.spread(of_b) {
-        let Some(s) = view.see(p) else { continue };
-        let Some(w) = view.wall(&s, 0) else { continue };
-        let residual = (s.x - w.x) * w.nx + (s.y - w.y) * w.ny;
-        f(Match { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
+    for block in b.blocks.first(of_b) {
+        let s = view.see(block);
+        let w = view.walls(&s, 0);
+        let off = |k: usize| (s.x[k] - w.x[k]) * w.nx[k] + (s.y[k] - w.y[k]) * w.ny[k];
+        let residual = std::array::from_fn(off);
+        f(Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
     }
     let view = b.probe_view(&t_axes_axes.inverse());
-    for p in a.spread(of_a) {
-        let Some(s) = view.see(p) else { continue };
-        let Some(w) = view.wall(&s, 0) else { continue };
-        let residual = (w.x - s.x) * w.nx + (w.y - s.y) * w.ny;
-        let ((x, y), (nx, ny)) = (axes.apply(w.x, w.y), axes.rotate(w.nx, w.ny));
-        f(Match { x, y, nx, ny, residual });
+    for block in a.blocks.first(of_a) {
+        let s = view.see(block);
+        let w = view.walls(&s, 0);
+        let off = |k: usize| (w.x[k] - s.x[k]) * w.nx[k] + (w.y[k] - s.y[k]) * w.ny[k];
+        let mut m =
+            Matches { x: w.x, y: w.y, nx: w.nx, ny: w.ny, residual: std::array::from_fn(off) };
+        m.place(&axes);
+        f(m);
     }
 }
 
@@ -57,50 +48,13 @@ pub fn robust_weight(residual: f64, scale: f64) -> f64 {
     s * s
 }
 
-/// What the matches of a pose pull at: the normal equations of a step, turning about a pivot.
-struct Pull {
-    pivot: (f32, f32),
-    scale: f32,
-    /// Upper triangle of the information of (x, y, theta), row by row.
-    h: [f32; 6],
-    g: [f32; 3],
-    n: usize,
-}
-
-impl Pull {
-    fn new(pivot: Vec2, scale: f64) -> Self {
-        let pivot = (pivot.x as f32, pivot.y as f32);
-        Self { pivot, scale: scale as f32, h: [0.0; 6], g: [0.0; 3], n: 0 }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, m: &Match) {
-        let turn = m.ny * (m.x - self.pivot.0) - m.nx * (m.y - self.pivot.1);
-        let scale = self.scale * self.scale;
-        let w = scale / (scale + m.residual * m.residual);
-        let w = w * w;
-        let (wx, wy, wt) = (w * m.nx, w * m.ny, w * turn);
-        self.h[0] += wx * m.nx;
-        self.h[1] += wx * m.ny;
-        self.h[2] += wx * turn;
-        self.h[3] += wy * m.ny;
-        self.h[4] += wy * turn;
-        self.h[5] += wt * turn;
-        self.g[0] += wx * m.residual;
-        self.g[1] += wy * m.residual;
-        self.g[2] += wt * m.residual;
-        self.n += 1;
-    }
-
-    /// The step to go back; directions that the walls leave free stay where they are.
-    fn solve(&self) -> Vector3<f64> {
-        let [xx, xy, xt, yy, yt, tt] = self.h.map(f64::from);
-        // About one match in a hundred's worth of holding still, so that a bare corridor does not slide.
-        let d = 0.01 * xx.max(yy).max(1e-9);
-        let h = Matrix3::new(xx + d, xy, xt, xy, yy + d, yt, xt, yt, tt + 1e-6 * tt.max(1e-9));
-        let g = Vector3::from(self.g.map(f64::from));
-        h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&g))
-    }
+/// The step to go back; directions that the walls leave free stay where they are.
+fn step_back(pull: &Pull) -> Vector3<f64> {
+    let mut h = pull.information();
+    // About one match in a hundred's worth of holding still, so that a bare corridor does not slide.
+    let d = 0.01 * h[(0, 0)].max(h[(1, 1)]).max(1e-9);
+    h += Matrix3::from_diagonal(&Vector3::new(d, d, 1e-6 * h[(2, 2)].max(1e-9)));
+    h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&pull.gradient()))
 }
 
 /// How far walls may lie from each other when a climb begins, metres.
@@ -173,12 +127,11 @@ pub fn climb_group(
                     continue;
                 }
                 let t_p_q = p.t_world_map.between(&moved.t_world_map);
-                // Every second sample: groups have plenty.
+                // About every second sample: groups have plenty.
                 let half = (p.map.probes.len().div_ceil(2), q.map.probes.len().div_ceil(2));
-                matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), half, |m| {
-                    let ((x, y), (nx, ny)) =
-                        (to_world.apply(m.x, m.y), to_world.rotate(m.nx, m.ny));
-                    pull.add(&Match { x, y, nx, ny, residual: m.residual });
+                matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), half, |mut m| {
+                    m.place(&to_world);
+                    pull.add(&m);
                 });
             }
         }
@@ -206,10 +159,10 @@ fn ascend(
         let pivot = t.apply(center);
         let mut pull = Pull::new(pivot, scale);
         each(&t, &mut pull);
-        if pull.n < 3 {
+        if pull.walls() < 3 {
             return None;
         }
-        let step = -pull.solve();
+        let step = -step_back(&pull);
         let turned = Se2::new(0.0, 0.0, step.z).rotate(t.translation() - pivot);
         t = Se2::from_parts(pivot + turned + step.xy(), t.theta + step.z);
         let moved = step.xy().norm() + 5.0 * step.z.abs();
@@ -239,13 +192,15 @@ pub fn covariance(
     let mut h = [0.01, 0.0, 0.0, 0.01, 0.0, 1.0];
     let to_a = a.grid.origin().to_rigid();
     matches(a, b, &axes_of(&a.grid, &b.grid, t_a_b), (usize::MAX, usize::MAX), |m| {
-        let r = to_a.apply(Vec2::new(m.x.into(), m.y.into())) - t_a_b.translation();
-        let n = to_a.rotate(Vec2::new(m.nx.into(), m.ny.into()));
-        let turn = n.y * r.x - n.x * r.y;
-        let w = discount * robust_weight(m.residual.into(), sigma) / (sigma * sigma);
-        let (wx, wy) = (w * n.x, w * n.y);
-        let more = [wx * n.x, wx * n.y, wx * turn, wy * n.y, wy * turn, w * turn * turn];
-        h.iter_mut().zip(more).for_each(|(h, more)| *h += more);
+        for k in (0..LANES).filter(|k| m.is_there(*k)) {
+            let r = to_a.apply(Vec2::new(m.x[k].into(), m.y[k].into())) - t_a_b.translation();
+            let n = to_a.rotate(Vec2::new(m.nx[k].into(), m.ny[k].into()));
+            let turn = n.y * r.x - n.x * r.y;
+            let w = discount * robust_weight(m.residual[k].into(), sigma) / (sigma * sigma);
+            let (wx, wy) = (w * n.x, w * n.y);
+            let more = [wx * n.x, wx * n.y, wx * turn, wy * n.y, wy * turn, w * turn * turn];
+            h.iter_mut().zip(more).for_each(|(h, more)| *h += more);
+        }
     });
     let [xx, xy, xt, yy, yt, tt] = h;
     let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);

@@ -1,12 +1,12 @@
 //! What a wall sample of another map scores in each coarse cell of a map, by its direction: like-oriented walls
 //! nearby for it, clear free space against it.
 
+use crate::blocks::{whole, Block, LANES};
 use crate::boundary::BoundaryPoint;
-use crate::distance::DistanceTable;
-use crate::grid::{class_of, Class, OccupancyGrid};
+use crate::grid::OccupancyGrid;
+use crate::ground::Ground;
 use crate::likelihood_field::{LikelihoodField, DIRECTIONS};
 use crate::probe::Axes;
-use crate::registration::glance::{Samples, AT_ONCE};
 
 /// Side of a coarse cell, metres, where the table stays small enough.
 const CELL: f64 = 0.2;
@@ -21,8 +21,8 @@ pub const SCORES: (f64, i8, i8) = (8.0, -3, -16);
 /// Cells without a score that a run bridges, since one longer run is faster than two short ones.
 const BRIDGED: usize = 24;
 
-/// Cells that are added at once: runs are as long as a multiple of it.
-pub const LANES: usize = 16;
+/// Runs are as long as a multiple of this: so many cells are added at once.
+pub const RUN: usize = 16;
 
 /// Cells of one row that follow each other, some of which score.
 #[derive(Debug, Clone, Copy)]
@@ -33,7 +33,7 @@ pub struct Run {
     pub col: u32,
     /// Where its score is in [`Wide::values`].
     pub at: u32,
-    /// Number of cells, a multiple of [`LANES`]: the last of them score nothing, and may lie beyond the row.
+    /// Number of cells, a multiple of [`RUN`]: the last of them score nothing, and may lie beyond the row.
     pub len: u32,
 }
 
@@ -74,7 +74,7 @@ impl CoarseTable {
         g: &OccupancyGrid,
         boundary: &[BoundaryPoint],
         field: &LikelihoodField,
-        depth: &DistanceTable,
+        ground: &Ground,
     ) -> Self {
         let (w, h) = (g.width() as f64 * g.resolution(), g.height() as f64 * g.resolution());
         let cell = CELL.max((w * h / MAX_CELLS).sqrt()).max(g.resolution());
@@ -92,14 +92,14 @@ impl CoarseTable {
                 }
                 let fine = fine_row * g.width() + fine_col;
                 let [agree @ .., contradict] = &mut cells[row * width + col];
-                *contradict = match class_of(g.cells()[fine]) {
-                    Class::Unknown => 0,
-                    Class::Free if depth.squared(fine) >= deep => SCORES.2,
-                    _ => SCORES.1,
+                *contradict = match ground.depth_squared(fine) >= deep {
+                    true => SCORES.2,
+                    false if ground.is_unknown(fine) => 0,
+                    false => SCORES.1,
                 };
                 let center = g.cell_center(fine_row, fine_col);
                 for (d, agree) in agree.iter_mut().enumerate() {
-                    let Some(k) = field.nearest(fine, d) else { continue };
+                    let Some(k) = field.nearest(fine_row, fine_col, d) else { continue };
                     let r = ((boundary[k].position - center).norm() - half).max(0.0);
                     let value = SCORES.0 * (-(r / BLUR).powi(2)).exp2();
                     // Agreement takes the place of what the cell says of strangers.
@@ -120,25 +120,29 @@ impl CoarseTable {
     }
 
     /// Score of some of another map's samples at a pose of its axes in this grid's.
-    pub fn score(&self, samples: &[Samples], axes: &Axes) -> f32 {
+    pub fn score(&self, samples: &[Block], axes: &Axes) -> f32 {
         let per_metre = (1.0 / self.cell) as f32;
         let (width, height) = (self.width as f32, self.height as f32);
         let (columns, outside) = (self.width as i32, (self.cells.len() - 1) as i32);
-        let mut score = [0.0; AT_ONCE];
+        let mut score = [0.0; LANES];
         for s in samples {
             // Where they lie first, all at once; then what the cells there say.
-            let mut cells = [0i32; AT_ONCE];
+            let mut cells = [0i32; LANES];
             for (k, at) in cells.iter_mut().enumerate() {
                 let (x, y) = axes.apply(s.x[k], s.y[k]);
                 let (u, v) = (x * per_metre, y * per_metre);
                 let is_inside = (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height);
-                // Outside, anything may come of it.
-                let cell = (v as i32).wrapping_mul(columns).wrapping_add(u as i32);
+                let cell = whole(v).wrapping_mul(columns).wrapping_add(whole(u));
                 *at = if is_inside { cell } else { outside };
             }
-            for (k, cell) in cells.into_iter().enumerate() {
-                let (agree, contradict) = self.at(axes.octant(s.direction[k]), cell as usize);
-                score[k] += s.weight[k] * agree + s.conflict_weight[k] * contradict;
+            let octants = s.direction.map(|d| axes.octant(d) as u8);
+            let said: [(i8, i8); LANES] = std::array::from_fn(|k| {
+                let cell = &self.cells[cells[k] as usize];
+                (cell[usize::from(octants[k])], cell[DIRECTIONS])
+            });
+            let (agree, contradict) = (said.map(|s| f32::from(s.0)), said.map(|s| f32::from(s.1)));
+            for k in 0..LANES {
+                score[k] += s.weight[k] * agree[k] + s.conflict_weight[k] * contradict[k];
             }
         }
         score.iter().sum()
@@ -178,7 +182,7 @@ fn runs_of(line: &[i16], row: usize, values: &mut Vec<i16>, runs: &mut Vec<Run>)
         }
         let at = values.len() as u32;
         values.extend(&line[start..end]);
-        let len = (end - start).next_multiple_of(LANES);
+        let len = (end - start).next_multiple_of(RUN);
         values.resize(at as usize + len, 0);
         runs.push(Run { row: row as u32, col: start as u32, at, len: len as u32 });
         col = end;

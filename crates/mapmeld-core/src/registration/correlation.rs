@@ -11,9 +11,10 @@
 use crate::likelihood_field::DIRECTIONS;
 use crate::local_map::LocalMap;
 use crate::probe::{Axes, Probe};
-use crate::registration::coarse_table::{CoarseTable, Run, Wide, LANES, SCORES};
+use crate::registration::coarse_table::{CoarseTable, Run, Wide, RUN, SCORES};
 use crate::registration::{Candidate, Source};
 use crate::se2::Se2;
+use std::cell::RefCell;
 use std::f64::consts::TAU;
 
 /// Bins of a full turn: one degree each.
@@ -26,6 +27,11 @@ const PEAKS: usize = 40;
 const LOOKED_INTO: usize = 240;
 /// Samples that score a peak again.
 const PEAK_SAMPLES: usize = 160;
+/// Share of what the best rotation promises that another must promise: walls of few directions leave few rotations.
+const PROMISING: f32 = 0.9;
+/// Share of the best peak's score that another must reach in wide cells to be scored again: in finer ones it reaches
+/// less.
+const RIVAL: f32 = 0.5;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
 /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
@@ -38,14 +44,13 @@ pub fn candidates(a: &LocalMap, b: &LocalMap, rotations: usize) -> Vec<(f32, Can
     if a.probes.is_empty() || b.probes.is_empty() {
         return Vec::new();
     }
-    let mut shifts = Shifts::default();
     let turns: Vec<Turned> = promising(&a.turns, &b.turns, rotations)
         .into_iter()
         .map(|theta| Turned::new(&a.coarse, &b.probes, theta))
         .collect();
     let mut peaks: Vec<(f32, usize, Shift)> = Vec::new();
     for (k, turned) in turns.iter().enumerate() {
-        let found = shifts.peaks(&a.coarse.wide, turned);
+        let found = SHIFTS.with_borrow_mut(|shifts| shifts.peaks(&a.coarse.wide, turned));
         peaks.extend(found.into_iter().map(|(score, shift)| (score, k, shift)));
     }
     let best_first = |x: &(f32, usize, Shift), y: &(f32, usize, Shift)| {
@@ -53,9 +58,16 @@ pub fn candidates(a: &LocalMap, b: &LocalMap, rotations: usize) -> Vec<(f32, Can
     };
     peaks.sort_unstable_by(best_first);
     peaks.truncate(LOOKED_INTO);
+    let (mut best, mut rivals) = (0.0f32, 0);
     for (score, k, shift) in &mut peaks {
+        if *score < RIVAL * best {
+            break;
+        }
         (*score, *shift) = turns[*k].look_into(&a.coarse, *shift);
+        best = best.max(*score);
+        rivals += 1;
     }
+    peaks.truncate(rivals);
     peaks.sort_unstable_by(best_first);
     peaks.dedup_by_key(|(_, k, shift)| (*k, *shift));
     let (to_a, from_b) = (a.grid.origin(), b.grid.origin().inverse());
@@ -80,16 +92,27 @@ pub fn turns(probes: &[Probe]) -> [f32; BINS] {
     })
 }
 
+/// In lanes: one sum would wait for each of its terms.
+fn dot(x: &[f32; BINS], y: &[f32]) -> f32 {
+    let mut sums = [0.0; 8];
+    for (x, y) in x.chunks_exact(8).zip(y.chunks_exact(8)) {
+        (0..8).for_each(|k| sums[k] += x[k] * y[k]);
+    }
+    sums.iter().sum()
+}
+
 /// The most promising rotations of b's axes into a's, radians, at least six degrees apart.
 fn promising(a: &[f32; BINS], b: &[f32; BINS], most: usize) -> Vec<f64> {
     let twice: Vec<f32> = a.iter().chain(a).copied().collect();
-    let score: Vec<f32> =
-        (0..BINS).map(|k| b.iter().zip(&twice[k..]).map(|(x, y)| x * y).sum()).collect();
+    let score: Vec<f32> = (0..BINS).map(|k| dot(b, &twice[k..k + BINS])).collect();
     let mut order: Vec<usize> = (0..BINS).collect();
     order.sort_by(|x, y| score[*y].total_cmp(&score[*x]).then(x.cmp(y)));
     let mut kept: Vec<usize> = Vec::new();
     for k in order {
         let apart = |j: &usize| (k + BINS - j) % BINS >= 6 && (j + BINS - k) % BINS >= 6;
+        if kept.first().is_some_and(|best| score[k] < PROMISING * score[*best]) {
+            break;
+        }
         if kept.iter().all(apart) {
             kept.push(k);
             if kept.len() == most {
@@ -153,9 +176,9 @@ impl Turned {
     /// The best score of a shift and of those one fine cell from it.
     fn look_into(&self, a: &CoarseTable, (rows, cols): Shift) -> (f32, Shift) {
         let mut scores = [0.0f32; 9];
-        let step = (self.probes.len() / PEAK_SAMPLES).max(1);
+        let (all, asked) = (self.probes.len(), self.probes.len().min(PEAK_SAMPLES));
         let (w, h) = (a.width as i32, a.height as i32);
-        for p in self.probes.iter().step_by(step) {
+        for p in (0..asked).map(|k| &self.probes[k * all / asked]) {
             let (row, col) = (p.row + rows, p.col + cols);
             for (k, score) in scores.iter_mut().enumerate() {
                 let (r, c) = (row + k as i32 / 3 - 1, col + k as i32 % 3 - 1);
@@ -171,7 +194,7 @@ impl Turned {
             .reduce(|best, k| if scores[k] > scores[best] { k } else { best })
             .expect("nine of them");
         let shift = (rows + best as i32 / 3 - 1, cols + best as i32 % 3 - 1);
-        (scores[best] * step as f32, shift)
+        (scores[best] * all as f32 / asked as f32, shift)
     }
 
     /// `T_axes_axes` of a shift.
@@ -181,14 +204,19 @@ impl Turned {
     }
 }
 
+thread_local! {
+    /// Kept from pair to pair: fresh memory costs more than the sums in it.
+    static SHIFTS: RefCell<Shifts> = RefCell::default();
+}
+
 /// The scores of all shifts at one rotation, reused for every rotation.
 #[derive(Default)]
 struct Shifts {
     scores: Vec<i16>,
     /// Weight of b's probes by direction and wide cell, and last that of their contradiction.
     bins: Vec<f32>,
-    /// Direction and cell of the bins that hold something.
-    filled: Vec<(u32, u32)>,
+    /// Of each direction, and of the contradiction, the cells of the bins that hold something.
+    filled: [Vec<u32>; DIRECTIONS + 1],
 }
 
 impl Shifts {
@@ -203,44 +231,40 @@ impl Shifts {
         let area = rows * cols;
         self.bins.clear();
         self.bins.resize(area * (DIRECTIONS + 1), 0.0);
-        self.filled.clear();
+        self.filled.iter_mut().for_each(Vec::clear);
         let mut total = 0.0;
         for p in &b.probes {
             let at = (p.row / 2) as usize * cols + (p.col / 2) as usize;
             for (table, weight) in [(p.octant, p.weight), (DIRECTIONS, p.conflict_weight)] {
                 let bin = &mut self.bins[table * area + at];
-                if *bin == 0.0 {
-                    self.filled.push((table as u32, at as u32));
+                if *bin == 0.0 && weight > 0.0 {
+                    self.filled[table].push(at as u32);
                 }
                 *bin += weight;
             }
             total += f64::from(p.weight);
         }
-        self.filled.sort_unstable();
-        self.filled.dedup();
         // No agreement can leave an i16; what is contradicted beyond that is beyond caring.
         let steps = STEPS.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1)))) as f32;
 
         self.scores.clear();
         // Runs are padded, beyond the end too.
-        self.scores.resize(w * h + LANES, 0);
-        // What rounding takes from one bin it gives to the next of its table.
-        let (mut carry, mut last) = (0.0, DIRECTIONS + 1);
-        for (table, at) in &self.filled {
-            let (table, at) = (*table as usize, *at as usize);
-            if table != last {
-                (carry, last) = (0.0, table);
-            }
+        self.scores.resize(w * h + RUN, 0);
+        for (table, filled) in self.filled.iter().enumerate() {
             let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
-            carry += self.bins[table * area + at] * steps;
-            let weight = ((carry / unit) as i32).min(1000) as f32 * unit;
-            carry -= weight;
-            if weight < 1.0 {
-                continue;
+            // What rounding takes from one bin it gives to the next.
+            let mut carry = 0.0;
+            for at in filled.iter().map(|at| *at as usize) {
+                carry += self.bins[table * area + at] * steps;
+                let weight = ((carry / unit) as i32).min(1000) as f32 * unit;
+                carry -= weight;
+                if weight < 1.0 {
+                    continue;
+                }
+                // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
+                let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
+                add(&mut self.scores[to..], w, &a.runs[table], &a.values, weight as i16);
             }
-            // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
-            let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
-            add(&mut self.scores[to..], w, &a.runs[table], &a.values, weight as i16);
         }
         let shift = |at: usize| {
             let cells = |k: usize, offset: usize| 2 * (k as i32 - offset as i32);
@@ -257,7 +281,7 @@ fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i
         let (at, len) = (run.at as usize, run.len as usize);
         let start = run.row as usize * width + run.col as usize;
         // That there is no rest, the compiler sees here.
-        let len = len - len % LANES;
+        let len = len - len % RUN;
         for (score, value) in scores[start..start + len].iter_mut().zip(&values[at..at + len]) {
             *score = score.saturating_add(weight * value);
         }
@@ -268,16 +292,28 @@ fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i
 fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
     let mut tops: Vec<(i16, usize)> = Vec::new();
     for row in 1..h.saturating_sub(1) {
-        for col in 1..w - 1 {
-            let v = table[row * w + col];
-            let is_top =
-                v > 0 && (0..9).all(|k| table[(row + k / 3 - 1) * w + col + k % 3 - 1] <= v);
-            if is_top {
-                tops.push((v, row * w + col));
+        let line = row * w..(row + 1) * w;
+        // Most of the table is below zero: that is seen at a glance.
+        for (chunk, some) in table[line].chunks(RUN).enumerate() {
+            if some.iter().fold(0, |most, v| most.max(*v)) == 0 {
+                continue;
+            }
+            let from = chunk * RUN;
+            for col in from.max(1)..(from + some.len()).min(w - 1) {
+                let v = table[row * w + col];
+                let is_top =
+                    v > 0 && (0..9).all(|k| table[(row + k / 3 - 1) * w + col + k % 3 - 1] <= v);
+                if is_top {
+                    tops.push((v, row * w + col));
+                }
             }
         }
     }
-    tops.sort_unstable_by(|x, y| y.0.cmp(&x.0).then(x.1.cmp(&y.1)));
-    tops.truncate(PEAKS);
+    let best_first = |x: &(i16, usize), y: &(i16, usize)| y.0.cmp(&x.0).then(x.1.cmp(&y.1));
+    if tops.len() > PEAKS {
+        tops.select_nth_unstable_by(PEAKS, best_first);
+        tops.truncate(PEAKS);
+    }
+    tops.sort_unstable_by(best_first);
     tops
 }

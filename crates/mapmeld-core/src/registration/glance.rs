@@ -1,51 +1,12 @@
 //! First looks at poses of two maps: cheap, fair to both, and longer the more promising a pose is.
 
+use crate::blocks::LANES;
 use crate::local_map::LocalMap;
-use crate::probe::{Axes, Probe};
+use crate::probe::Axes;
 use crate::se2::{Rigid, Se2};
 
-/// Samples that are asked at once.
-pub const AT_ONCE: usize = 8;
 /// Most samples of a map that a look asks.
 const MOST: usize = 128;
-
-/// Some wall samples of a map, in its grid's axes, as many as are asked at once; those that stand for none weigh
-/// nothing.
-#[derive(Debug, Clone, Default)]
-pub struct Samples {
-    /// Metres from the corner of cell (0, 0).
-    pub x: [f32; AT_ONCE],
-    /// The same.
-    pub y: [f32; AT_ONCE],
-    /// See [`Probe::weight`].
-    pub weight: [f32; AT_ONCE],
-    /// See [`Probe::conflict_weight`].
-    pub conflict_weight: [f32; AT_ONCE],
-    /// See [`Probe::direction`].
-    pub direction: [u16; AT_ONCE],
-}
-
-/// Samples that stand for all of a map's. However many of the first are taken, they lie all over the map: they come in
-/// the order of a van der Corput sequence.
-pub fn samples(probes: &[Probe]) -> Vec<Samples> {
-    let kept = probes.len().min(MOST);
-    let bits = kept.next_power_of_two().trailing_zeros();
-    let reversed = |k: u32| k.reverse_bits().checked_shr(u32::BITS - bits).unwrap_or(0) as usize;
-    let order: Vec<usize> = (0..1u32 << bits).map(reversed).filter(|k| *k < kept).collect();
-    let scale = probes.len() as f32 / kept.max(1) as f32;
-    let group = |some: &[usize]| {
-        let mut group = Samples::default();
-        for (lane, k) in some.iter().enumerate() {
-            let p = &probes[k * probes.len() / kept];
-            (group.x[lane], group.y[lane]) = (p.x, p.y);
-            group.weight[lane] = scale * p.weight;
-            group.conflict_weight[lane] = scale * p.conflict_weight;
-            group.direction[lane] = p.direction;
-        }
-        group
-    };
-    order.chunks(AT_ONCE).map(group).collect()
-}
 
 /// Two maps whose poses are looked at, thousands of them.
 pub struct Glance<'a> {
@@ -64,7 +25,7 @@ pub struct Look {
     axes: [Axes; 2],
     /// What the samples of a said, and those of b.
     said: [f32; 2],
-    /// Groups of samples of each map that were asked.
+    /// Blocks of samples of each map that were asked.
     asked: usize,
     /// How well the maps fit, as far as it was looked.
     pub score: f32,
@@ -81,7 +42,7 @@ impl<'a> Glance<'a> {
     /// How well the maps fit at `T_a_b`, after the longest look.
     pub fn score(&self, t_a_b: &Se2) -> f32 {
         let mut look = self.at(t_a_b);
-        self.look(&mut look, MOST / AT_ONCE);
+        self.look(&mut look, MOST / LANES);
         look.score
     }
 
@@ -93,8 +54,8 @@ impl<'a> Glance<'a> {
 
     /// Looks until about so many samples of each map are asked, and keeps the best, in their order.
     pub fn narrow<T>(&self, looks: &mut Vec<(Look, T)>, samples: usize, keep: usize) {
-        let groups = samples.div_ceil(AT_ONCE);
-        looks.iter_mut().for_each(|(look, _)| self.look(look, groups));
+        let blocks = samples.div_ceil(LANES);
+        looks.iter_mut().for_each(|(look, _)| self.look(look, blocks));
         if looks.len() > keep {
             let mut order: Vec<usize> = (0..looks.len()).collect();
             let best_first = |x: &usize, y: &usize| {
@@ -108,19 +69,17 @@ impl<'a> Glance<'a> {
         }
     }
 
-    fn look(&self, look: &mut Look, groups: usize) {
+    fn look(&self, look: &mut Look, blocks: usize) {
         let sides = [(self.b, self.a, &look.axes[1]), (self.a, self.b, &look.axes[0])];
-        let groups = groups.max(look.asked);
+        let blocks = blocks.max(look.asked);
         look.score = 0.0;
         for ((to, of, axes), said) in sides.into_iter().zip(&mut look.said) {
-            let samples = &of.glimpses;
-            let (from, until) = (look.asked.min(samples.len()), groups.min(samples.len()));
-            *said += to.coarse.score(&samples[from..until], axes);
+            *said += to.coarse.score(of.blocks.range(look.asked, blocks), axes);
             // What was asked stands for all.
-            let all = of.probes.len().min(MOST);
-            look.score += *said * all as f32 / all.min(until * AT_ONCE).max(1) as f32;
+            let all = of.blocks.probes();
+            look.score += *said * all as f32 / all.min(blocks * LANES).max(1) as f32;
         }
-        look.asked = groups;
+        look.asked = blocks;
     }
 
     /// What `probe::axes_of` tells, with the sine and cosine of the pose alone.
@@ -173,22 +132,6 @@ mod tests {
     }
 
     #[test]
-    fn the_first_samples_lie_all_over_the_map() {
-        let (map, _) = walls();
-        assert!(map.probes.len() > MOST);
-        assert_eq!(map.glimpses.len(), MOST / AT_ONCE);
-        let first = &map.glimpses[..2];
-        let weight: f32 = map.glimpses.iter().flat_map(|s| s.weight).sum();
-        let whole: f32 = map.probes.iter().map(|p| p.weight).sum();
-        assert!((weight / whole - 1.0).abs() < 0.1, "{weight} {whole}");
-        for side in 0..4 {
-            let is_there = |x: f32, y: f32| (x > 3.5) == (side % 2 == 0) && (y > 3.0) == (side < 2);
-            let there = |s: &Samples| (0..AT_ONCE).filter(|k| is_there(s.x[*k], s.y[*k])).count();
-            assert!(first.iter().map(there).sum::<usize>() >= 2, "{side}");
-        }
-    }
-
-    #[test]
     fn narrowing_keeps_the_best_in_their_order_and_looks_on_where_it_left_off() {
         let (a, b) = walls();
         let glance = Glance::new(&a, &b);
@@ -206,16 +149,6 @@ mod tests {
         assert!(kept == best && kept.contains(&0), "{kept:?} {best:?}");
         for (look, k) in &looks {
             assert!((look.score - glance.score(&at(*k))).abs() <= 1e-3 * look.score.abs());
-        }
-    }
-
-    #[test]
-    fn few_samples_are_all_asked() {
-        let (map, _) = walls();
-        for n in [0, 1, 2, 5, 9, 100] {
-            let some = samples(&map.probes[..n]);
-            let weighty = some.iter().flat_map(|s| s.weight).filter(|w| *w > 0.0).count();
-            assert_eq!((some.len(), weighty), (n.div_ceil(AT_ONCE), n));
         }
     }
 }

@@ -73,8 +73,9 @@ pub struct Mode {
 pub struct Rung {
     /// Modes, most likely first.
     pub modes: Vec<Mode>,
-    /// What map a reaches with the mirror image of map b, which it cannot have seen; empty where it was not tried.
-    pub decoys: Vec<WallEvidence>,
+    /// The best log-likelihood that map a reaches with the mirror image of map b, which it cannot have seen, nats; zero
+    /// where that is nothing that matters, none where it was not tried.
+    pub decoy: Option<f64>,
 }
 
 /// All that the registration of a pair found, before it is known how bent the maps are.
@@ -91,9 +92,9 @@ pub struct Registered {
 }
 
 impl Rung {
-    /// The best log-likelihood that the mirror image reaches, nats; zero at least.
+    /// The best log-likelihood that the mirror image is known to reach, nats; zero at least.
     pub fn decoy(&self) -> f64 {
-        self.decoys.iter().map(|e| e.log_likelihood).fold(0.0, f64::max)
+        self.decoy.unwrap_or(0.0)
     }
 
     /// The modes that tell different stories, each told by its likeliest, most likely first. `center` is the

@@ -2,9 +2,9 @@
 
 use crate::config::{Config, EvidenceConfig, PerceptionConfig};
 use crate::local_map::LocalMap;
-use crate::perception::{placed, WallEvidence};
+use crate::perception::placed;
 use crate::registration::{
-    climb, correlation,
+    self, climb, correlation,
     search::{self, Effort, Found},
     Candidate, Mode, Registered, Rung,
 };
@@ -36,36 +36,53 @@ pub fn register(
         least: f64::NEG_INFINITY,
     };
     let Found { candidates, tops } = search::tops(ma, mb, hints, &effort, config);
-    let modes = tops.into_iter().zip(&rungs).map(|(tops, p)| {
-        let mut modes: Vec<Mode> = tops.into_iter().map(|c| mode(ma, mb, c, p)).collect();
-        modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
-        modes
-    });
-    let modes: Vec<Vec<Mode>> = modes.collect();
-    // What does not stand with nothing held against it need not be held against the mirror image. Known poses
-    // may lift what walls alone do not.
+    // The best of the first stories tell whether any may stand.
+    let center = mb.center.unwrap_or_default();
+    let mut modes: Vec<Vec<Mode>> = Vec::new();
+    let mut others: Vec<Vec<Candidate>> = Vec::new();
+    for (tops, p) in tops.into_iter().zip(&rungs) {
+        let told = registration::stories(tops.iter().map(|c| &c.t_a_b), center);
+        let is_first = |k: &usize| told.iter().take(effort.stories).any(|told| told == k);
+        let (first, rest): (Vec<usize>, Vec<usize>) = (0..tops.len()).partition(is_first);
+        modes.push(first.into_iter().map(|k| mode(ma, mb, tops[k], p)).collect());
+        others.push(rest.into_iter().map(|k| tops[k]).collect());
+    }
+    // What does not stand with nothing held against it need not be held against the mirror image, nor against others
+    // that do not stand. Known poses may lift what walls alone do not.
     let may_stand = !hints.is_empty() || may_stand([ma, mb], &modes, &config.evidence);
-    let decoys = mirrored_b.filter(|_| may_stand).map(|m| {
-        // The best alone is asked for, and only if it matters beside what it is a decoy of.
-        let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
-        let effort = Effort {
-            shortlist: r.decoy_shortlist,
-            modes: 1,
-            stories: 1,
-            rotations: correlation::ROTATIONS / 2,
-            has_structures: false,
-            least: NEGLIGIBLE * most,
-        };
-        let tops = search::tops(ma, m, &[], &effort, config).tops;
-        let evidence = |(t, p): (Vec<Candidate>, &PerceptionConfig)| {
-            t.iter().map(|t| placed::pair(ma, m, &t.t_a_b, p)).collect::<Vec<WallEvidence>>()
-        };
-        tops.into_iter().zip(&rungs).map(evidence).collect()
-    });
-    let decoys = decoys.unwrap_or_else(|| vec![Vec::new(); rungs.len()]);
-    let rungs =
-        modes.into_iter().zip(decoys).map(|(modes, decoys)| Rung { modes, decoys }).collect();
+    for ((modes, others), p) in modes.iter_mut().zip(others).zip(&rungs) {
+        modes.extend(others.into_iter().filter(|_| may_stand).map(|c| mode(ma, mb, c, p)));
+        modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
+    }
+    let decoys = mirrored_b.filter(|_| may_stand).map(|m| decoys(ma, m, &modes, config));
+    let decoys = decoys.unwrap_or_else(|| vec![None; rungs.len()]);
+    let rungs = modes.into_iter().zip(decoys).map(|(modes, decoy)| Rung { modes, decoy }).collect();
     Registered { a, b, candidates, rungs }
+}
+
+/// The best log-likelihood that the mirror image of map b reaches on a, nats, at each standard deviation of the walls:
+/// looked for only as far as it matters beside the modes that it is a decoy of.
+fn decoys(
+    a: &LocalMap,
+    mirrored_b: &LocalMap,
+    modes: &[Vec<Mode>],
+    config: &Config,
+) -> Vec<Option<f64>> {
+    let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
+    let effort = Effort {
+        shortlist: config.registration.decoy_shortlist,
+        modes: 1,
+        stories: 1,
+        rotations: correlation::ROTATIONS / 2,
+        has_structures: false,
+        least: NEGLIGIBLE * most,
+    };
+    let tops = search::tops(a, mirrored_b, &[], &effort, config).tops;
+    let best = |(tops, p): (Vec<Candidate>, PerceptionConfig)| {
+        let reached = tops.iter().map(|t| placed::pair(a, mirrored_b, &t.t_a_b, &p).log_likelihood);
+        Some(reached.fold(0.0, f64::max))
+    };
+    tops.into_iter().zip(config.perception.rungs()).map(best).collect()
 }
 
 /// Whether any mode would be followed if neither the mirror image nor another mode spoke against it.

@@ -19,11 +19,11 @@ const BRIEF_SAMPLES: usize = 32;
 /// Samples that a longer look takes.
 const LONGER_SAMPLES: usize = 128;
 /// Samples of each map that the first steps uphill follow.
-const FIRST_SAMPLES: usize = 100;
+const FIRST_SAMPLES: usize = 128;
 /// Samples of each map that a climb follows.
-const CLIMB_SAMPLES: usize = 200;
+const CLIMB_SAMPLES: usize = 256;
 /// Samples of each map that the last climb of a mode follows.
-const FINAL_SAMPLES: usize = 600;
+const FINAL_SAMPLES: usize = 512;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.04;
 /// Steps that every candidate that was looked at longest is led uphill.
@@ -33,6 +33,8 @@ const FIRST_STEPS: usize = 6;
 const RIVAL: f64 = 0.5;
 /// Log-likelihood from which the best is held against the others, nats: below it all are chance's.
 const TELLING: f64 = 20.0;
+/// Share of the log-likelihood that matters at all which a pose must have for it to be followed any further.
+const MAY_RISE: f64 = 0.5;
 /// Log-likelihood from which the first looks at the others are held against a pose's, nats.
 const PROVEN: f64 = 60.0;
 /// Candidates that are led uphill however far their looks lie behind.
@@ -136,7 +138,7 @@ impl<'s> Search<'s> {
         ends.dedup();
         let tops: Vec<Candidate> =
             ends.into_iter().flat_map(|rung| self.climbed(&begun, &hints, rung)).collect();
-        let tops = tops.into_iter().map(|c| self.weigh(c, FINAL_SAMPLES)).collect();
+        let tops = tops.into_iter().map(|c| self.weigh(c, 2 * FINAL_SAMPLES)).collect();
         (candidates, tops)
     }
 
@@ -179,9 +181,11 @@ impl<'s> Search<'s> {
     fn climbed(&self, begun: &[Weighed], hints: &[Candidate], rung: usize) -> Vec<Candidate> {
         let begun = begun.iter().map(|(c, fits)| (fits[rung], *c)).collect();
         let mut shortlist = self.rivals(begun, self.effort.shortlist / 2, self.effort.stories + 1);
-        shortlist.extend(hints.iter().map(|c| (0.0, *c)));
-        let at_top = self.with_tops(&shortlist, &self.climb(CLIMB_SAMPLES), rung);
-        let at_top = self.scored(at_top, 2 * CLIMB_SAMPLES, rung);
+        shortlist.extend(hints.iter().map(|c| {
+            let (c, fits) = self.weigh(*c, 2 * FIRST_SAMPLES);
+            (fits[rung], c)
+        }));
+        let at_top = self.with_tops(shortlist, &self.climb(CLIMB_SAMPLES), 2 * FIRST_SAMPLES, rung);
         poses(self.rivals(at_top, self.effort.modes, self.effort.stories + 1))
     }
 
@@ -190,8 +194,8 @@ impl<'s> Search<'s> {
         let tops = tops.iter().map(|(c, fits)| (fits[rung], *c)).collect();
         let few = self.rivals(tops, self.effort.modes, self.effort.stories + 1);
         let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
-        let scored = self.scored(self.with_tops(&few, &climb, rung), 2 * FINAL_SAMPLES, rung);
-        let kept = self.rivals(scored, self.effort.modes, self.effort.stories);
+        let at_top = self.with_tops(few, &climb, 2 * FINAL_SAMPLES, rung);
+        let kept = self.rivals(at_top, self.effort.modes, self.effort.stories);
         // What strangers would fit as well is no mode, but some runner-up there must be.
         let likely = kept.iter().take_while(|(l, _)| *l > 0.0).count();
         let told =
@@ -205,27 +209,32 @@ impl<'s> Search<'s> {
         Climb { samples, steps: self.config.max_iterations, scale, still: NEAR }
     }
 
-    /// Some poses, and where they lead.
-    fn with_tops(&self, some: &[Scored], climb: &Climb, rung: usize) -> Vec<Candidate> {
-        let top = |c: &Candidate| climb.top(self.a, self.b, &c.t_a_b, &self.rungs[rung]);
-        let lead = some.iter().filter_map(|(_, c)| Some(Candidate { t_a_b: top(c)?, ..*c }));
-        lead.chain(some.iter().map(|(_, c)| *c)).collect()
-    }
-
-    /// Weighed at one standard deviation of the walls.
-    fn scored(&self, some: Vec<Candidate>, samples: usize, rung: usize) -> Vec<Scored> {
+    /// Some poses, weighed by so many samples, and where they lead, weighed by as many: no climb ends below its start.
+    fn with_tops(
+        &self,
+        some: Vec<Scored>,
+        climb: &Climb,
+        samples: usize,
+        rung: usize,
+    ) -> Vec<Scored> {
         let models = &self.rungs[rung..=rung];
-        let fit =
-            |c: &Candidate| rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, models)[0];
-        some.into_iter().map(|c| (fit(&c), c)).collect()
+        let top = |(_, c): &Scored| {
+            let t_a_b = climb.top(self.a, self.b, &c.t_a_b, &models[0])?;
+            let fit = rigid::log_likelihoods(self.a, self.b, &t_a_b, samples, models)[0];
+            Some((fit, Candidate { t_a_b, ..*c }))
+        };
+        let mut tops: Vec<Scored> = some.iter().filter_map(top).collect();
+        tops.extend(some);
+        tops
     }
 
     fn weigh(&self, c: Candidate, samples: usize) -> Weighed {
         (c, rigid::log_likelihoods(self.a, self.b, &c.t_a_b, samples, &self.rungs))
     }
 
-    /// The best `keep` of some poses, no two the same, that may still matter beside the best, and the next best, however
-    /// unlikely, until so many different stories are told. Hints need not be likely.
+    /// The best `keep` of some poses, no two the same, that may still matter beside the best, and the next best,
+    /// however unlikely beside it, until so many different stories are told: those that may matter once they have
+    /// climbed on. Hints need not be likely.
     fn rivals(&self, scored: Vec<Scored>, keep: usize, stories: usize) -> Vec<Scored> {
         let scored = self.distinct(scored, usize::MAX);
         let most = scored.first().map_or(0.0, |(l, _)| *l);
@@ -235,8 +244,8 @@ impl<'s> Search<'s> {
         for (l, c) in scored {
             let told = || registration::stories(kept.iter().map(|k| &k.1.t_a_b), self.center).len();
             let is_likely = l > bar || c.source == Source::Members;
-            if (is_likely && kept.len() < keep) || (told() < stories && kept.len() < keep + stories)
-            {
+            let may_fill = || l > MAY_RISE * self.effort.least && kept.len() < keep + stories;
+            if (is_likely && kept.len() < keep) || (may_fill() && told() < stories) {
                 kept.push((l, c));
             }
         }

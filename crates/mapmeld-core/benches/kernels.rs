@@ -151,7 +151,7 @@ fn register(c: &mut Criterion) {
     let t_a_b = frame(0).between(&frame(1));
     let p = &config.perception;
     c.bench_function("wall evidence of a rigid pair at a pose", |t| {
-        t.iter(|| likelihood::pair(a, b, black_box(&t_a_b), 1, p))
+        t.iter(|| likelihood::pair(a, b, black_box(&t_a_b), usize::MAX, p))
     });
     c.bench_function("wall evidence of a pair unbent at a pose", |t| {
         t.iter(|| placed::pair(a, b, black_box(&t_a_b), p))

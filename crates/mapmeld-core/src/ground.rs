@@ -1,5 +1,6 @@
 //! What a wall of another map means in each cell: how deep it would lie in free space, and whether anything is known.
 
+use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, turned_over, Class, OccupancyGrid};
@@ -59,13 +60,17 @@ impl Ground {
         self.shares[usize::from(self.cells[cell])]
     }
 
-    /// How much of a full conflict and how much of a miss a wall is in a cell, in [0, 1]: one of the two, neither where
-    /// nothing is known.
+    /// How much of a full conflict and how much of a miss a wall is in each of some cells, in [0, 1]: one of the two,
+    /// neither where nothing is known.
     #[inline(always)]
-    pub fn conflict_and_miss(&self, cell: usize) -> (f32, f32) {
-        let code = self.cells[cell];
-        let conflict = self.shares[usize::from(code)];
-        (conflict, f32::from(u8::from(code != UNKNOWN && conflict == 0.0)))
+    pub fn conflicts_and_misses(&self, cells: &[u32; LANES]) -> ([f32; LANES], [f32; LANES]) {
+        let (mut conflicts, mut misses) = ([0.0; LANES], [0.0; LANES]);
+        for (k, cell) in cells.iter().enumerate() {
+            let code = self.cells[*cell as usize];
+            conflicts[k] = self.shares[usize::from(code)];
+            misses[k] = f32::from(u8::from(code != UNKNOWN && conflicts[k] == 0.0));
+        }
+        (conflicts, misses)
     }
 }
 
@@ -105,11 +110,15 @@ mod tests {
         );
         assert!(ground.is_unknown(at(41)) && ground.is_unknown(3000) && !ground.is_unknown(at(0)));
         // Three cells deep at least, and half a metre for a full one.
-        let said = [0, 2, 4, 5, 20, 45].map(|c| ground.conflict_and_miss(at(c)));
-        assert_eq!(said, [(0.0, 1.0), (0.0, 1.0), (0.8, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 0.0)]);
-        assert_eq!(ground.conflict_and_miss(3000), (0.0, 0.0));
+        let mut cells = [3000; LANES];
+        let some = [0, 2, 4, 5, 20, 45].map(|c| at(c) as u32);
+        cells[..6].copy_from_slice(&some);
+        let (conflicts, misses) = ground.conflicts_and_misses(&cells);
+        assert_eq!(conflicts[..7], [0.0, 0.0, 0.8, 1.0, 1.0, 0.0, 0.0]);
+        assert_eq!(misses[..7], [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert!((0..6).all(|k| ground.conflict(cells[k] as usize) == conflicts[k]));
         let turned = ground.mirrored(50);
         assert!((0..50).all(|c| turned.depth_squared(at(49 - c)) == ground.depth_squared(at(c))));
-        assert_eq!(turned.conflict_and_miss(3000), (0.0, 0.0));
+        assert!(turned.is_unknown(3000));
     }
 }

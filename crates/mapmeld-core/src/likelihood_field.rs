@@ -311,21 +311,53 @@ impl<'a> ProbeView<'a> {
     #[inline(always)]
     pub fn walls(&self, seen: &Seen, half_turns: usize) -> Walls {
         // All indices first: none of these loads waits for another.
-        let nearest: [u16; LANES] = std::array::from_fn(|k| {
+        let mut nearest = [0u16; LANES];
+        for (k, nearest) in nearest.iter_mut().enumerate() {
             let octant = (usize::from(seen.octant[k]) + half_turns * DIRECTIONS / 2) % DIRECTIONS;
-            self.field.nearest[seen.at[k] as usize][octant]
-        });
-        let walls = nearest.map(|k| &self.field.walls[usize::from(k)]);
-        Walls {
-            x: walls.map(|w| w.x),
-            y: walls.map(|w| w.y),
-            nx: walls.map(|w| w.nx),
-            ny: walls.map(|w| w.ny),
+            *nearest = self.field.nearest[seen.at[k] as usize][octant];
         }
+        let mut walls = Walls::none();
+        for (k, nearest) in nearest.into_iter().enumerate() {
+            let wall = &self.field.walls[usize::from(nearest)];
+            (walls.x[k], walls.y[k]) = (wall.x, wall.y);
+            (walls.nx[k], walls.ny[k]) = (wall.nx, wall.ny);
+        }
+        walls
     }
 }
 
 impl Walls {
+    /// Squared distances of what was seen, metres, infinite where there is no wall; so much along a wall costs nothing.
+    #[inline(always)]
+    pub fn squared(&self, seen: &Seen, slack: f32) -> [f32; LANES] {
+        let mut found = [f32::INFINITY; LANES];
+        for (k, found) in found.iter_mut().enumerate() {
+            let (dx, dy) = (seen.x[k] - self.x[k], seen.y[k] - self.y[k]);
+            let across = dx * self.nx[k] + dy * self.ny[k];
+            let along = (dx * self.ny[k] - dy * self.nx[k]).abs() - slack;
+            let along = if along > 0.0 { along } else { 0.0 };
+            let squared = across * across + along * along;
+            *found = if self.is_there(k) { squared } else { *found };
+        }
+        found
+    }
+
+    /// How far what was seen lies from the walls along their normals, metres; zero where there is no wall.
+    #[inline(always)]
+    pub fn residuals(&self, seen: &Seen) -> [f32; LANES] {
+        let mut found = [0.0; LANES];
+        for (k, found) in found.iter_mut().enumerate() {
+            let (dx, dy) = (seen.x[k] - self.x[k], seen.y[k] - self.y[k]);
+            *found = dx * self.nx[k] + dy * self.ny[k];
+        }
+        found
+    }
+
+    fn none() -> Self {
+        let zero = [0.0; LANES];
+        Self { x: zero, y: zero, nx: zero, ny: zero }
+    }
+
     /// Whether there is one.
     #[inline(always)]
     pub fn is_there(&self, lane: usize) -> bool {

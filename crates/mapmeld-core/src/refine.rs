@@ -125,6 +125,9 @@ pub fn uncertainty(
     covariances(normal, held, members.len(), resolution, config)
 }
 
+/// Samples of each map that tell whether two overlap.
+const OVERLAP_SAMPLES: usize = 256;
+
 /// Pairs of members whose walls agree at the given poses.
 fn overlapping(
     maps: &[LocalMap],
@@ -139,8 +142,8 @@ fn overlapping(
     let perception = config.perception.rigid();
     let keep = parallel::map(&all, |(i, j)| {
         let (a, b) = (&maps[members[*i]], &maps[members[*j]]);
-        let stride = (b.samples.len() / 250).max(1);
-        let e = likelihood::pair(a, b, &poses[*i].between(&poses[*j]), stride, &perception);
+        let t_a_b = poses[*i].between(&poses[*j]);
+        let e = likelihood::pair(a, b, &t_a_b, OVERLAP_SAMPLES, &perception);
         e.log_likelihood > 0.0 && e.hits >= 2.0
     });
     all.into_iter().zip(keep).filter(|(_, k)| *k).map(|(e, _)| e).collect()

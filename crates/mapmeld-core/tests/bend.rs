@@ -3,6 +3,7 @@
 mod common;
 
 use common::office;
+use mapmeld_core::blocks;
 use mapmeld_core::config::{Config, PerceptionConfig};
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
@@ -40,7 +41,7 @@ fn the_walls_of_a_bent_map_are_found_where_it_is_unbent() {
     let bent = LocalMap::new(office_off_by(0.5), &config);
     let middle = Se2::new(0.0, -0.15, -0.02);
     let p = &rungs[1];
-    let rigid = likelihood::pair(&straight, &bent, &middle, 1, p);
+    let rigid = likelihood::pair(&straight, &bent, &middle, usize::MAX, p);
     let unbent = placed::pair(&straight, &bent, &middle, p);
     assert!(unbent.hits > rigid.hits && unbent.spread < 0.1 * rigid.spread, "{unbent:?}");
     assert!(unbent.log_likelihood > rigid.log_likelihood + 10.0, "{rigid:?} {unbent:?}");
@@ -53,8 +54,10 @@ fn a_straight_map_stays_as_it_is() {
     let map = LocalMap::new(office_off_by(0.0), &config);
     let others = [Placed { map: &map, t_world_map: Se2::IDENTITY, samples: None }];
     for p in &rungs {
-        let samples = |k: usize| map.patches[k].samples.iter().copied();
-        let found = unbend(&map, &Se2::IDENTITY, &others, (samples, 1), p);
+        let probe = |k: &u32| &map.probes[*k as usize];
+        let samples: Vec<_> =
+            map.patches.iter().map(|p| blocks::of(p.samples.iter().map(probe))).collect();
+        let found = unbend(&map, &Se2::IDENTITY, &others, (&samples, 1), p);
         assert_eq!(found.poses.len(), map.patches.len());
         for (pose, patch) in found.poses.iter().zip(&map.patches) {
             let moved = (pose.apply(patch.center) - patch.center).norm();

@@ -209,7 +209,7 @@ pub fn perceive<'py>(
         let comparison = Comparison::new(maps, &merged, &b.inner, t, p.sigma_cells);
         psis.push(psi::psi(&comparison, p.classes));
         gammas.push(gamma::gamma(&comparison));
-        walls.push(evidence(py, &likelihood::pair(&a.inner, &b.inner, &t, 1, p))?);
+        walls.push(evidence(py, &likelihood::pair(&a.inner, &b.inner, &t, usize::MAX, p))?);
     }
     let normalised = pool::normalise(&psis, &gammas, p.gamma_floor);
     let d = PyDict::new(py);

@@ -100,8 +100,7 @@ impl<'a> Puller<'a> {
         for block in probes {
             let s = view.see(block);
             let w = view.walls(&s, 0);
-            let off = |k: usize| (s.x[k] - w.x[k]) * w.nx[k] + (s.y[k] - w.y[k]) * w.ny[k];
-            let residual = std::array::from_fn(off);
+            let residual = w.residuals(&s);
             pull.add(&Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
         }
         (self.turn * pull.information() * self.turn.transpose(), self.turn * pull.gradient())
@@ -116,13 +115,13 @@ pub struct Unbent {
     pub cost: f64,
 }
 
-/// Moves the patches of a placed map to where they fit the others; `samples` tells the indices of the samples of a
-/// patch that are asked, each of which stands for `step`.
-pub fn unbend<I: Iterator<Item = u32>>(
+/// Moves the patches of a placed map to where they fit the others. `samples` are those of each patch that are asked,
+/// each of which stands for `step`.
+pub fn unbend(
     from: &LocalMap,
     rigid: &Se2,
     others: &[Placed],
-    (samples, step): (impl Fn(usize) -> I, usize),
+    (samples, step): (&[Vec<Block>], usize),
     config: &PerceptionConfig,
 ) -> Unbent {
     let maps = || others.iter().map(|o| o.map).chain([from]);
@@ -133,9 +132,6 @@ pub fn unbend<I: Iterator<Item = u32>>(
     let discount = step as f64 * from.spacing / config.correlation_length / (finest * finest);
     let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let motion = |p: &Patch| Motion::none(rigid.apply(p.center));
-    // Asked of in every round.
-    let probes_of = |k: usize| blocks::of(samples(k).map(|i| &from.probes[i as usize]));
-    let probes: Vec<Vec<Block>> = (0..from.patches.len()).map(probes_of).collect();
     let mut motions: Vec<Motion> = from.patches.iter().map(motion).collect();
     let mut scale = 0.5 * reach;
     for _ in 0..ROUNDS {
@@ -149,7 +145,7 @@ pub fn unbend<I: Iterator<Item = u32>>(
             let at = here.center + here.shift;
             let near = pullers.iter().filter(|p| p.sees(at, patch.radius));
             for puller in near {
-                let of_walls = puller.pull(&probes[k], &pose, at, scale);
+                let of_walls = puller.pull(&samples[k], &pose, at, scale);
                 h += discount * of_walls.0;
                 g += discount * of_walls.1;
             }
@@ -206,11 +202,12 @@ pub fn of_patches(
 ) -> WallEvidence {
     let mut asked = vec![from.samples.is_none(); from.map.samples.len()];
     from.samples.unwrap_or_default().iter().for_each(|k| asked[*k as usize] = true);
-    let samples = |patch: usize| {
-        let own = from.map.patches[patch].samples.iter().filter(|k| asked[**k as usize]);
-        own.step_by(step).copied()
+    let samples = |patch: &Patch| {
+        let own = patch.samples.iter().filter(|k| asked[**k as usize]);
+        blocks::of(own.step_by(step).map(|k| &from.map.probes[*k as usize]))
     };
-    let unbent = unbend(from.map, &from.t_world_map, others, (samples, step), config);
+    let samples: Vec<Vec<Block>> = from.map.patches.iter().map(samples).collect();
+    let unbent = unbend(from.map, &from.t_world_map, others, (&samples, step), config);
     let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let mut sum = WallEvidence::default();
     for (k, pose) in unbent.poses.iter().enumerate() {
@@ -223,8 +220,7 @@ pub fn of_patches(
         }
         let all = patch.samples.iter().filter(|s| asked[**s as usize]).count();
         let taken = all.div_ceil(step).max(1);
-        let asked = samples(k).map(|i| &from.map.samples[i as usize]);
-        let said = likelihood::one_way(asked, from.map, pose, &near, config);
+        let said = likelihood::one_way(&samples[k], from.map, pose, &near, config);
         sum.add(&said, all as f64 / taken as f64);
     }
     sum.bending = unbent.cost;

@@ -7,11 +7,14 @@
 //! space says nothing. Samples are weighted so that a straight wall is one piece of evidence and
 //! neighbours count once ([`crate::local_map::WallSample::weight`]).
 
+use crate::blocks::{Block, LANES};
 use crate::config::PerceptionConfig;
 use crate::grid::Class;
-use crate::local_map::{LocalMap, WallSample};
+use crate::likelihood_field::ProbeView;
+use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
-use crate::se2::{Se2, Vec2};
+use crate::probe::{axes_of, Axes};
+use crate::se2::Se2;
 use serde::{Deserialize, Serialize};
 
 /// What the walls say about a pose. Weights count independent observations, summed over both
@@ -81,26 +84,6 @@ impl WallEvidence {
     }
 }
 
-/// How one observation fell out.
-#[derive(Clone, Copy)]
-enum Outcome {
-    Hit(f64),
-    Miss,
-    Opposed,
-    /// With its share of a full conflict.
-    Conflict(f64),
-    Unknown,
-}
-
-/// One map that samples of another frame are looked up in.
-struct Target<'a> {
-    map: &'a LocalMap,
-    view: crate::likelihood_field::FieldView<'a>,
-    t_map_frame: crate::se2::Rigid,
-    noise: Noise,
-    config: &'a PerceptionConfig,
-}
-
 /// How far a wall may lie from the same wall in another map, metres.
 pub(crate) struct Noise {
     pub inv_two_sigma_squared: f64,
@@ -121,152 +104,163 @@ pub(crate) fn noise_of(a: &LocalMap, b: &LocalMap, config: &PerceptionConfig) ->
     }
 }
 
+/// One map that samples of another one are looked up in.
+struct Target<'a> {
+    map: &'a LocalMap,
+    view: ProbeView<'a>,
+    /// Turns vectors of the map's axes into the frame that directions are summed in.
+    to_common: Axes,
+    /// Squared distance up to which a wall is in place.
+    radius: f32,
+    inv_two_sigma_squared: f32,
+    slack: f32,
+}
+
 impl<'a> Target<'a> {
-    /// Samples come from `other`: what its cells blur is blurred here too.
+    /// Samples come from `other`, whose axes lie at `t_axes_axes`: what its cells blur is blurred here too.
     fn new(
         map: &'a LocalMap,
         other: &LocalMap,
-        t_map_frame: &Se2,
-        config: &'a PerceptionConfig,
+        t_axes_axes: &Se2,
+        t_common_map: &Se2,
+        config: &PerceptionConfig,
     ) -> Self {
+        let noise = noise_of(map, other, config);
         Self {
             map,
-            view: map.field_view(t_map_frame),
-            t_map_frame: t_map_frame.to_rigid(),
-            noise: noise_of(map, other, config),
-            config,
+            view: map.probe_view(t_axes_axes),
+            to_common: Axes::new(&t_common_map.compose(&map.grid.origin())),
+            radius: (noise.hit_radius * noise.hit_radius) as f32,
+            inv_two_sigma_squared: noise.inv_two_sigma_squared as f32,
+            slack: noise.slack as f32,
         }
-    }
-
-    #[inline(always)]
-    fn observe(&self, position: Vec2, normal: Vec2) -> Outcome {
-        let Some(cell) = self.view.cell(position) else { return Outcome::Unknown };
-        let p = self.t_map_frame.apply(position);
-        if let Some(k) = self.view.nearest(cell, normal) {
-            let r2 = self.residual_squared(p, k);
-            if r2 <= self.noise.hit_radius * self.noise.hit_radius {
-                return Outcome::Hit(self.config.hit - r2 * self.noise.inv_two_sigma_squared);
-            }
-        }
-        if let Some(k) = self.view.nearest(cell, -normal) {
-            if self.residual_squared(p, k) <= 0.25 * self.noise.hit_radius * self.noise.hit_radius {
-                return Outcome::Opposed;
-            }
-        }
-        let (row, col) = cell;
-        match self.map.grid.class(row, col) {
-            Class::Unknown => Outcome::Unknown,
-            Class::Free => match self.map.ground.conflict(row * self.map.grid.width() + col) {
-                0.0 => Outcome::Miss,
-                share => Outcome::Conflict(share.into()),
-            },
-            Class::Occupied => Outcome::Miss,
-        }
-    }
-
-    /// Squared distance to a wall point; a cell's length along the wall costs nothing.
-    #[inline(always)]
-    fn residual_squared(&self, p: Vec2, k: usize) -> f64 {
-        let b = &self.map.boundary[k];
-        let d = p - b.position;
-        let across = d.dot(&b.normal);
-        let along = (d.x * b.normal.y - d.y * b.normal.x).abs() - self.noise.slack;
-        across * across + along.max(0.0).powi(2)
     }
 }
 
-/// Sums the outcomes of samples against targets; where several targets see a sample, each has its
-/// share of the word. Directions are summed in one common frame.
+/// What targets say of the samples of a block, lane by lane, before it is shared out.
+#[derive(Default)]
+struct Said {
+    /// Targets that know anything.
+    seen: [f32; LANES],
+    hits: [f32; LANES],
+    misses: [f32; LANES],
+    opposed: [f32; LANES],
+    /// Each with its share of a full conflict.
+    conflicts: [f32; LANES],
+    /// How far the walls of the hits lie apart, see [`WallEvidence::spread`].
+    spread: [f32; LANES],
+    /// Sum of `n n^T` over the hits, as (xx, xy, yy).
+    directions: [[f32; LANES]; 3],
+}
+
+impl Said {
+    #[inline(always)]
+    fn add(&mut self, t: &Target, block: &Block) {
+        let seen = t.view.see(block);
+        let (with, against) = (t.view.walls(&seen, 0), t.view.walls(&seen, 1));
+        let (nearest, facing) = (with.squared(&seen, t.slack), against.squared(&seen, t.slack));
+        let (conflicts, misses) = t.map.ground.conflicts_and_misses(&seen.cell);
+        for (k, (conflict, miss)) in conflicts.into_iter().zip(misses).enumerate() {
+            let hit = f32::from(u8::from(nearest[k] <= t.radius));
+            let opposed = (1.0 - hit) * f32::from(u8::from(facing[k] <= 0.25 * t.radius));
+            let (nx, ny) = t.to_common.rotate(with.nx[k], with.ny[k]);
+            let neither = 1.0 - hit - opposed;
+            self.hits[k] += hit;
+            self.opposed[k] += opposed;
+            self.misses[k] += neither * miss;
+            self.conflicts[k] += neither * conflict;
+            let is_known = f32::from(u8::from(conflict + miss > 0.0));
+            self.seen[k] += hit + opposed + neither * is_known;
+            let squared = if nearest[k] <= t.radius { nearest[k] } else { 0.0 };
+            self.spread[k] += squared * t.inv_two_sigma_squared;
+            self.directions[0][k] += hit * nx * nx;
+            self.directions[1][k] += hit * nx * ny;
+            self.directions[2][k] += hit * ny * ny;
+        }
+    }
+}
+
+/// Sums what targets say of samples; where several targets see a sample, each has its share of the word.
 fn tally<'s>(
-    samples: impl Iterator<Item = &'s WallSample>,
+    blocks: impl IntoIterator<Item = &'s Block>,
     targets: &[Target],
-    t_common_samples: &Se2,
     spacing: f64,
     config: &PerceptionConfig,
 ) -> WallEvidence {
-    let mut sum = WallEvidence::default();
-    let to_common = t_common_samples.to_rigid();
-    for s in samples {
-        // What the targets say of this sample, before it is shared out.
-        let (mut value, mut seen) = (0.0, 0.0);
-        let (mut hits, mut misses, mut opposed, mut conflicts) = (0.0, 0.0, 0.0, 0.0);
-        for t in targets {
-            match t.observe(s.position, s.normal) {
-                Outcome::Unknown => continue,
-                Outcome::Hit(v) => {
-                    hits += 1.0;
-                    value += v;
-                }
-                Outcome::Miss => misses += 1.0,
-                Outcome::Opposed => opposed += 1.0,
-                Outcome::Conflict(share) => conflicts += share,
-            }
-            seen += 1.0;
-        }
-        if seen == 0.0 {
-            continue;
-        }
-        let w = s.weight / seen;
-        let contradicted = conflicts * s.conflict_weight / seen;
-        sum.spread += w * (hits * config.hit - value);
-        value += misses * config.miss + opposed * config.opposed;
-        let excuse = if s.straight { config.straight_conflict } else { config.conflict };
-        sum.log_likelihood += w * value + contradicted * excuse;
-        sum.hits += w * hits;
-        sum.misses += w * misses;
-        sum.opposed += w * opposed;
-        sum.conflicts += contradicted;
-        if s.straight {
-            sum.straight_conflicts += contradicted;
-        } else {
-            sum.distinct_hits += w * hits;
-        }
-        if hits > 0.0 {
-            let (n, w) = (to_common.rotate(s.normal), w * hits);
-            sum.shared_length += spacing * hits / seen;
-            sum.directions[0] += w * n.x * n.x;
-            sum.directions[1] += w * n.x * n.y;
-            sum.directions[2] += w * n.y * n.y;
+    let mut sums = [[0.0f32; LANES]; 11];
+    for block in blocks {
+        let mut said = Said::default();
+        targets.iter().for_each(|t| said.add(t, block));
+        for k in 0..LANES {
+            let share = if said.seen[k] > 0.0 { 1.0 / said.seen[k] } else { 0.0 };
+            let w = block.weight[k] * share;
+            let contradicted = said.conflicts[k] * block.conflict_weight[k] * share;
+            let straight = f32::from(u8::from(block.straight[k]));
+            let all = [
+                w * said.hits[k],
+                w * said.spread[k],
+                w * said.misses[k],
+                w * said.opposed[k],
+                contradicted,
+                straight * contradicted,
+                (1.0 - straight) * w * said.hits[k],
+                share * said.hits[k],
+                w * said.directions[0][k],
+                w * said.directions[1][k],
+                w * said.directions[2][k],
+            ];
+            sums.iter_mut().zip(all).for_each(|(sum, v)| sum[k] += v);
         }
     }
-    sum
+    let [hits, spread, misses, opposed, conflicts, straight, distinct, found, xx, xy, yy] =
+        sums.map(|lanes| lanes.into_iter().map(f64::from).sum::<f64>());
+    let agreed = hits * config.hit - spread + misses * config.miss + opposed * config.opposed;
+    let against = (conflicts - straight) * config.conflict + straight * config.straight_conflict;
+    WallEvidence {
+        log_likelihood: agreed + against,
+        hits,
+        spread,
+        misses,
+        opposed,
+        conflicts,
+        straight_conflicts: straight,
+        distinct_hits: distinct,
+        shared_length: spacing * found,
+        directions: [xx, xy, yy],
+        ..WallEvidence::default()
+    }
 }
 
-/// Evidence of a pair of rigid maps for `T_a_b`, from every `stride`-th sample.
+/// Evidence of a pair of rigid maps for `T_a_b`, from so many samples of each, see [`crate::blocks::Blocks::first`].
 pub fn pair(
     a: &LocalMap,
     b: &LocalMap,
     t_a_b: &Se2,
-    stride: usize,
+    samples: usize,
     config: &PerceptionConfig,
 ) -> WallEvidence {
+    let axes = axes_of(&a.grid, &b.grid, t_a_b);
+    let in_a = [Target::new(a, b, &axes, &Se2::IDENTITY, config)];
+    let in_b = [Target::new(b, a, &axes.inverse(), t_a_b, config)];
     let mut sum = WallEvidence::default();
-    let half = 0.5 * stride as f64;
-    let in_a = [Target::new(a, b, t_a_b, config)];
-    sum.add(&tally(b.samples.iter().step_by(stride), &in_a, t_a_b, b.spacing, config), half);
-    let in_b = [Target::new(b, a, &t_a_b.inverse(), config)];
-    sum.add(
-        &tally(a.samples.iter().step_by(stride), &in_b, &Se2::IDENTITY, a.spacing, config),
-        half,
-    );
+    for (from, targets) in [(b, in_a), (a, in_b)] {
+        let said = tally(from.blocks.first(samples), &targets, from.spacing, config);
+        sum.add(&said, 0.5 * from.blocks.share(samples));
+    }
     sum
 }
 
 /// Open floor of a map, were it placed at `t_world_from`, that is free in other maps, square metres.
-pub fn shared_floor(
-    from: &LocalMap,
-    t_world_from: &Se2,
-    others: &[Placed],
-    config: &PerceptionConfig,
-) -> f64 {
-    let targets = targets(from, t_world_from, others, config);
+pub fn shared_floor(from: &LocalMap, t_world_from: &Se2, others: &[Placed]) -> f64 {
+    let locator = |o: &Placed| o.map.grid.locator_from(&o.t_world_map.between(t_world_from));
+    let targets: Vec<_> = others.iter().map(|o| (&o.map.grid, locator(o))).collect();
     let floor = &from.floor;
     let mut shared = 0.0;
     for p in &floor.centers {
         let (mut free, mut seen) = (0.0, 0.0);
-        for t in &targets {
-            let Some(cell) = t.view.cell(*p) else { continue };
-            match t.map.grid.class(cell.0, cell.1) {
+        for (grid, locator) in &targets {
+            let Some((row, col)) = locator.cell(*p) else { continue };
+            match grid.class(row, col) {
                 Class::Free => free += 1.0,
                 Class::Occupied => {}
                 Class::Unknown => continue,
@@ -281,23 +275,16 @@ pub fn shared_floor(
 }
 
 /// What some wall samples of a map say of other maps, were it placed at `t_world_from`.
-pub fn one_way<'s>(
-    samples: impl Iterator<Item = &'s WallSample>,
+pub fn one_way(
+    samples: &[Block],
     from: &LocalMap,
     t_world_from: &Se2,
     others: &[Placed],
     config: &PerceptionConfig,
 ) -> WallEvidence {
-    tally(samples, &targets(from, t_world_from, others, config), t_world_from, from.spacing, config)
-}
-
-fn targets<'a>(
-    from: &LocalMap,
-    t_world_from: &Se2,
-    others: &[Placed<'a>],
-    config: &'a PerceptionConfig,
-) -> Vec<Target<'a>> {
-    let target =
-        |o: &Placed<'a>| Target::new(o.map, from, &o.t_world_map.between(t_world_from), config);
-    others.iter().map(target).collect()
+    let targets = others.iter().map(|o| {
+        let axes = axes_of(&o.map.grid, &from.grid, &o.t_world_map.between(t_world_from));
+        Target::new(o.map, from, &axes, &o.t_world_map, config)
+    });
+    tally(samples, &targets.collect::<Vec<_>>(), from.spacing, config)
 }

@@ -43,7 +43,7 @@ impl Placed<'_> {
         let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
         let step = count.div_ceil(config.max_samples).max(1);
         let mut sum = bend::of_patches(self, others, step, config);
-        sum.shared_floor += likelihood::shared_floor(self.map, t, others, config);
+        sum.shared_floor += likelihood::shared_floor(self.map, t, others);
         sum
     }
 }

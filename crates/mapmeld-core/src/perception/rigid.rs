@@ -4,7 +4,6 @@
 
 use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
-use crate::likelihood_field::{Seen, Walls};
 use crate::local_map::LocalMap;
 use crate::perception::likelihood::noise_of;
 use crate::probe::axes_of;
@@ -70,17 +69,15 @@ fn one_way(
     let view = to.probe_view(axes);
     for block in from.blocks.first(samples) {
         let seen = view.see(block);
-        let (nearest, against) = (
-            squared(&seen, &view.walls(&seen, 0), slack),
-            squared(&seen, &view.walls(&seen, 1), slack),
-        );
+        let nearest = view.walls(&seen, 0).squared(&seen, slack);
+        let against = view.walls(&seen, 1).squared(&seen, slack);
         // What is said where no wall is in place.
-        let ground = seen.cell.map(|c| to.ground.conflict_and_miss(c as usize));
+        let (depths, misses) = to.ground.conflicts_and_misses(&seen.cell);
         let mut otherwise = [0.0; LANES];
-        for (k, (conflict, is_miss)) in ground.into_iter().enumerate() {
-            let excuse = conflicts[usize::from(block.straight[k])];
-            otherwise[k] =
-                is_miss * block.weight[k] * miss + conflict * block.conflict_weight[k] * excuse;
+        for (k, otherwise) in otherwise.iter_mut().enumerate() {
+            let excuse = if block.straight[k] { conflicts[1] } else { conflicts[0] };
+            *otherwise =
+                misses[k] * block.weight[k] * miss + depths[k] * block.conflict_weight[k] * excuse;
         }
         for sum in sums.iter_mut() {
             for k in 0..LANES {
@@ -91,22 +88,6 @@ fn one_way(
             }
         }
     }
-}
-
-/// Squared distances from walls, metres; a cell's length along a wall costs nothing.
-#[inline(always)]
-fn squared(s: &Seen, w: &Walls, slack: f32) -> [f32; LANES] {
-    std::array::from_fn(|k| {
-        let (dx, dy) = (s.x[k] - w.x[k], s.y[k] - w.y[k]);
-        let across = dx * w.nx[k] + dy * w.ny[k];
-        let along = (dx * w.ny[k] - dy * w.nx[k]).abs() - slack;
-        let along = if along > 0.0 { along } else { 0.0 };
-        if w.is_there(k) {
-            across * across + along * along
-        } else {
-            f32::INFINITY
-        }
-    })
 }
 
 #[cfg(test)]
@@ -143,7 +124,7 @@ mod tests {
             let far = if k % 2 == 0 { 0.05 } else { 2.0 };
             let mut off = || rng.random_range(-far..far);
             let t = t_same.compose(&Se2::new(off(), off(), 0.3 * off()));
-            let slow = likelihood::pair(&a, &b, &t, 1, &p).log_likelihood;
+            let slow = likelihood::pair(&a, &b, &t, usize::MAX, &p).log_likelihood;
             let fast = log_likelihoods(&a, &b, &t, usize::MAX, std::slice::from_ref(&p))[0];
             // Softer walls and sharp ones are told of in one go.
             let soft = PerceptionConfig { wall_sigma: 0.3, ..p.clone() };

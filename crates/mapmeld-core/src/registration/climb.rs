@@ -25,17 +25,15 @@ fn matches(
     for block in b.blocks.first(of_b) {
         let s = view.see(block);
         let w = view.walls(&s, 0);
-        let off = |k: usize| (s.x[k] - w.x[k]) * w.nx[k] + (s.y[k] - w.y[k]) * w.ny[k];
-        let residual = std::array::from_fn(off);
-        f(Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
+        f(Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual: w.residuals(&s) });
     }
     let view = b.probe_view(&t_axes_axes.inverse());
     for block in a.blocks.first(of_a) {
         let s = view.see(block);
         let w = view.walls(&s, 0);
-        let off = |k: usize| (w.x[k] - s.x[k]) * w.nx[k] + (w.y[k] - s.y[k]) * w.ny[k];
-        let mut m =
-            Matches { x: w.x, y: w.y, nx: w.nx, ny: w.ny, residual: std::array::from_fn(off) };
+        let mut residual = w.residuals(&s);
+        residual.iter_mut().for_each(|r| *r = -*r);
+        let mut m = Matches { x: w.x, y: w.y, nx: w.nx, ny: w.ny, residual };
         m.place(&axes);
         f(m);
     }

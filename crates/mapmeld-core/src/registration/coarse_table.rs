@@ -135,12 +135,10 @@ impl CoarseTable {
                 let cell = whole(v).wrapping_mul(columns).wrapping_add(whole(u));
                 *at = if is_inside { cell } else { outside };
             }
-            let octants = s.direction.map(|d| axes.octant(d) as u8);
-            let said: [(i8, i8); LANES] = std::array::from_fn(|k| {
-                let cell = &self.cells[cells[k] as usize];
-                (cell[usize::from(octants[k])], cell[DIRECTIONS])
-            });
-            let (agree, contradict) = (said.map(|s| f32::from(s.0)), said.map(|s| f32::from(s.1)));
+            let (mut agree, mut contradict) = ([0.0; LANES], [0.0; LANES]);
+            for (k, cell) in cells.into_iter().enumerate() {
+                (agree[k], contradict[k]) = self.at(axes.octant(s.direction[k]), cell as usize);
+            }
             for k in 0..LANES {
                 score[k] += s.weight[k] * agree[k] + s.conflict_weight[k] * contradict[k];
             }

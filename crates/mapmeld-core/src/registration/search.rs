@@ -25,9 +25,9 @@ const CLIMB_SAMPLES: usize = 256;
 /// Samples of each map that the last climb of a mode follows.
 const FINAL_SAMPLES: usize = 512;
 /// Steps shorter than this, in cells, end all climbs but the last.
-const NEAR: f64 = 0.04;
+const NEAR: f64 = 0.1;
 /// Steps that every candidate that was looked at longest is led uphill.
-const FIRST_STEPS: usize = 6;
+const FIRST_STEPS: usize = 4;
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
 /// does it make the best any less sure.
 const RIVAL: f64 = 0.5;

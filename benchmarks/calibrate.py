@@ -31,6 +31,8 @@ from mapmeld import default_config
 
 RIDGE = 0.5
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
+TELLING = 4.0
+"""Log-likelihood ratio of a row, nats, from which it is fitted: below it the walls alone refuse."""
 EVIDENCE = default_config()["evidence"]
 ACCEPTED = EVIDENCE["min_probability"]
 """Probability from which maps are merged."""
@@ -78,6 +80,8 @@ def _collect(args: argparse.Namespace) -> list[Row]:
 
 def fit(features: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The constant and the weight of each feature: logistic regression with a ridge, by Newton's method."""
+    tells = features[:, 0] ** 2 >= TELLING
+    features, right = features[tells], right[tells]
     mean, scale = features.mean(axis=0), features.std(axis=0) + 1e-9
     x = np.column_stack([np.ones(len(features)), (features - mean) / scale])
     penalty = np.diag([0.0, *[RIDGE] * features.shape[1]])

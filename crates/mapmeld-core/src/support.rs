@@ -147,7 +147,7 @@ pub(crate) mod tests {
         let covariance = Matrix3::identity();
         let mode = Mode { t_a_b, covariance, evidence, log_odds: 0.0, source: Source::Corners };
         let status = if probability < 0.85 { Status::NoEvidence } else { Status::Merged };
-        let found = Rung { modes: vec![mode], decoy: None };
+        let found = Rung { modes: vec![mode], decoy: None, apart: SAME_WORLD.0 };
         PairModes { a, b, candidates: 1, found, status, probability }
     }
 

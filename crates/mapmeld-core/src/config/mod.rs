@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -9.199, 0.461, -1.164, -0.219, 0.816, -0.899, -0.328, 0.677, 2.254, 3.796, -5.485, -3.305, 1.044,
-            -0.746, 1.172, -15.396,
+            -9.033, 0.296, -1.039, -0.546, 0.886, -0.615, -0.701, 1.360, 1.962, 2.798,
+            -5.982, -2.858, 1.449, -0.887, 1.211, -20.587,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

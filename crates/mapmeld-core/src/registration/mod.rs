@@ -13,6 +13,7 @@ pub mod pair;
 pub mod search;
 pub mod segments;
 
+use crate::config::PerceptionConfig;
 use crate::evidence::Status;
 use crate::perception::WallEvidence;
 use crate::se2::{Se2, Vec2};
@@ -76,6 +77,8 @@ pub struct Rung {
     /// The best log-likelihood that map a reaches with the mirror image of map b, which it cannot have seen, nats; zero
     /// where that is nothing that matters, none where it was not tried.
     pub decoy: Option<f64>,
+    /// How far apart modes lie that tell different stories, see [`apart`].
+    pub apart: f64,
 }
 
 /// All that the registration of a pair found, before it is known how bent the maps are.
@@ -100,7 +103,7 @@ impl Rung {
     /// The modes that tell different stories, each told by its likeliest, most likely first. `center` is the
     /// centre of map b's known cells.
     pub fn stories(&self, center: Vec2) -> Vec<&Mode> {
-        let told = stories(self.modes.iter().map(|m| &m.t_a_b), center);
+        let told = stories(self.modes.iter().map(|m| &m.t_a_b), center, self.apart);
         told.into_iter().map(|k| &self.modes[k]).collect()
     }
 
@@ -112,10 +115,14 @@ impl Rung {
     }
 }
 
-/// Which of some poses tell different stories, each told by the first that does. `center` is the centre of map b's
-/// known cells.
-pub fn stories<'p>(poses: impl Iterator<Item = &'p Se2>, center: Vec2) -> Vec<usize> {
-    let (distance, angle) = SAME_WORLD;
+/// Which of some poses tell different stories, each told by the first that does: they lie so many metres apart at
+/// `center`, the centre of map b's known cells, or are turned.
+pub fn stories<'p>(
+    poses: impl Iterator<Item = &'p Se2>,
+    center: Vec2,
+    distance: f64,
+) -> Vec<usize> {
+    let angle = SAME_WORLD.1;
     let mut told: Vec<(usize, &Se2)> = Vec::new();
     for (k, t) in poses.enumerate() {
         if !told.iter().any(|(_, other)| other.is_close_at(t, center, distance, angle)) {
@@ -140,6 +147,12 @@ pub struct PairModes {
     pub status: Status,
     /// Probability that the likeliest mode is right; zero without one.
     pub probability: f64,
+}
+
+/// How far apart, metres at the map's centre, rigid poses tell different stories under a model: the walls of bent maps
+/// lie right at poses some standard deviations from each other.
+pub fn apart(model: &PerceptionConfig) -> f64 {
+    SAME_WORLD.0.max(4.0 * model.climb_sigma)
 }
 
 /// Poses closer than this (metres at the map's centre, radians) tell the same story.

@@ -33,7 +33,7 @@ pub fn register(
         stories: 2,
         rotations: correlation::ROTATIONS,
         has_structures: true,
-        least: f64::NEG_INFINITY,
+        least: vec![f64::NEG_INFINITY; rungs.len()],
     };
     let Found { candidates, tops } = search::tops(ma, mb, hints, &effort, config);
     // The best of the first stories tell whether any may stand.
@@ -41,7 +41,8 @@ pub fn register(
     let mut modes: Vec<Vec<Mode>> = Vec::new();
     let mut others: Vec<Vec<Candidate>> = Vec::new();
     for (tops, p) in tops.into_iter().zip(&rungs) {
-        let told = registration::stories(tops.iter().map(|c| &c.t_a_b), center);
+        let apart = registration::apart(p);
+        let told = registration::stories(tops.iter().map(|c| &c.t_a_b), center, apart);
         let is_first = |k: &usize| told.iter().take(effort.stories).any(|told| told == k);
         let (first, rest): (Vec<usize>, Vec<usize>) = (0..tops.len()).partition(is_first);
         modes.push(first.into_iter().map(|k| mode(ma, mb, tops[k], p)).collect());
@@ -56,7 +57,12 @@ pub fn register(
     }
     let decoys = mirrored_b.filter(|_| may_stand).map(|m| decoys(ma, m, &modes, config));
     let decoys = decoys.unwrap_or_else(|| vec![None; rungs.len()]);
-    let rungs = modes.into_iter().zip(decoys).map(|(modes, decoy)| Rung { modes, decoy }).collect();
+    let rung = |((modes, decoy), p): ((Vec<Mode>, Option<f64>), &PerceptionConfig)| Rung {
+        modes,
+        decoy,
+        apart: registration::apart(p),
+    };
+    let rungs = modes.into_iter().zip(decoys).zip(&rungs).map(rung).collect();
     Registered { a, b, candidates, rungs }
 }
 
@@ -68,14 +74,15 @@ fn decoys(
     modes: &[Vec<Mode>],
     config: &Config,
 ) -> Vec<Option<f64>> {
-    let most = modes.iter().flatten().map(|m| m.evidence.log_likelihood).fold(0.0, f64::max);
+    let most =
+        |modes: &Vec<Mode>| modes.first().map_or(0.0, |m| m.evidence.log_likelihood.max(0.0));
     let effort = Effort {
         shortlist: config.registration.decoy_shortlist,
         modes: 1,
         stories: 1,
         rotations: correlation::ROTATIONS / 2,
         has_structures: false,
-        least: NEGLIGIBLE * most,
+        least: modes.iter().map(|m| NEGLIGIBLE * most(m)).collect(),
     };
     let tops = search::tops(a, mirrored_b, &[], &effort, config).tops;
     let best = |(tops, p): (Vec<Candidate>, PerceptionConfig)| {

@@ -52,8 +52,8 @@ pub struct Effort {
     pub rotations: usize,
     /// Whether corners and walls propose poses.
     pub has_structures: bool,
-    /// Log-likelihood below which no pose matters, nats.
-    pub least: f64,
+    /// Log-likelihood below which no pose matters, nats, at each standard deviation of the walls.
+    pub least: Vec<f64>,
 }
 
 /// What a search found.
@@ -180,26 +180,29 @@ impl<'s> Search<'s> {
     /// The tops of the best at one standard deviation of the walls.
     fn climbed(&self, begun: &[Weighed], hints: &[Candidate], rung: usize) -> Vec<Candidate> {
         let begun = begun.iter().map(|(c, fits)| (fits[rung], *c)).collect();
-        let mut shortlist = self.rivals(begun, self.effort.shortlist / 2, self.effort.stories + 1);
+        let mut shortlist =
+            self.rivals(begun, rung, self.effort.shortlist / 2, self.effort.stories + 1);
         shortlist.extend(hints.iter().map(|c| {
             let (c, fits) = self.weigh(*c, 2 * FIRST_SAMPLES);
             (fits[rung], c)
         }));
         let at_top = self.with_tops(shortlist, &self.climb(CLIMB_SAMPLES), 2 * FIRST_SAMPLES, rung);
-        poses(self.rivals(at_top, self.effort.modes, self.effort.stories + 1))
+        poses(self.rivals(at_top, rung, self.effort.modes, self.effort.stories + 1))
     }
 
     /// The tops of all at one standard deviation of the walls, exactly.
     fn final_tops(&self, tops: &[Weighed], rung: usize) -> Vec<Candidate> {
         let tops = tops.iter().map(|(c, fits)| (fits[rung], *c)).collect();
-        let few = self.rivals(tops, self.effort.modes, self.effort.stories + 1);
+        let few = self.rivals(tops, rung, self.effort.modes, self.effort.stories + 1);
         let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
         let at_top = self.with_tops(few, &climb, 2 * FINAL_SAMPLES, rung);
-        let kept = self.rivals(at_top, self.effort.modes, self.effort.stories);
+        let kept = self.rivals(at_top, rung, self.effort.modes, self.effort.stories);
+        let apart = registration::apart(&self.rungs[rung]);
         // What strangers would fit as well is no mode, but some runner-up there must be.
         let likely = kept.iter().take_while(|(l, _)| *l > 0.0).count();
-        let told =
-            |n: usize| registration::stories(kept[..n].iter().map(|k| &k.1.t_a_b), self.center);
+        let told = |n: usize| {
+            registration::stories(kept[..n].iter().map(|k| &k.1.t_a_b), self.center, apart)
+        };
         let enough = (likely..kept.len()).find(|n| told(*n).len() >= self.effort.stories);
         poses(kept.into_iter().take(enough.unwrap_or(usize::MAX)).collect())
     }
@@ -235,16 +238,18 @@ impl<'s> Search<'s> {
     /// The best `keep` of some poses, no two the same, that may still matter beside the best, and the next best,
     /// however unlikely beside it, until so many different stories are told: those that may matter once they have
     /// climbed on. Hints need not be likely.
-    fn rivals(&self, scored: Vec<Scored>, keep: usize, stories: usize) -> Vec<Scored> {
+    fn rivals(&self, scored: Vec<Scored>, rung: usize, keep: usize, stories: usize) -> Vec<Scored> {
+        let (least, apart) = (self.effort.least[rung], registration::apart(&self.rungs[rung]));
         let scored = self.distinct(scored, usize::MAX);
         let most = scored.first().map_or(0.0, |(l, _)| *l);
         let bar = if most > TELLING { RIVAL * most } else { f64::NEG_INFINITY };
-        let bar = bar.max(self.effort.least);
+        let bar = bar.max(least);
         let mut kept: Vec<Scored> = Vec::new();
         for (l, c) in scored {
-            let told = || registration::stories(kept.iter().map(|k| &k.1.t_a_b), self.center).len();
+            let told =
+                || registration::stories(kept.iter().map(|k| &k.1.t_a_b), self.center, apart).len();
             let is_likely = l > bar || c.source == Source::Members;
-            let may_fill = || l > MAY_RISE * self.effort.least && kept.len() < keep + stories;
+            let may_fill = || l > MAY_RISE * least && kept.len() < keep + stories;
             if (is_likely && kept.len() < keep) || (may_fill() && told() < stories) {
                 kept.push((l, c));
             }
@@ -302,14 +307,20 @@ mod tests {
     ) -> Vec<f64> {
         let config = Config::default();
         let (a, b) = (map(&config), map(&config));
-        let effort =
-            Effort { shortlist: 9, modes: 6, stories, rotations: 4, has_structures: false, least };
+        let effort = Effort {
+            shortlist: 9,
+            modes: 6,
+            stories,
+            rotations: 4,
+            has_structures: false,
+            least: vec![least; 2],
+        };
         let search = Search::new(&a, &b, &effort, &config).unwrap();
         let scored = some.iter().map(|(x, l)| {
             let t_a_b = Se2::new(*x, 0.0, 0.0);
             (*l, Candidate { t_a_b, source })
         });
-        let kept = search.rivals(scored.collect(), keep, stories);
+        let kept = search.rivals(scored.collect(), 0, keep, stories);
         kept.iter().map(|(_, c)| c.t_a_b.x).collect()
     }
 

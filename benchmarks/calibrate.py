@@ -5,10 +5,10 @@
 
 Pairs of maps are registered; the features of each pair's best mode (`verdict::features` of the core) and
 whether it is right make one row. Every pair is asked both ways round: what chance
-reaches is a matter of chance itself. A logistic model is fitted to all rows: its weights are the default of
-`evidence.weights`. The tables are of models fitted without the building that they are asked about: every
-recorded building, and every kind of simulated one, in turn. Recorded cases are looked for as
-benchmarks/trust.py does.
+reaches is a matter of chance itself. A logistic model is fitted to all rows whose walls tell anything: its
+weights are the default of `evidence.weights`. The tables are of models fitted without the building that they
+are asked about: every recorded building, and every kind of simulated one, in turn. Recorded cases are looked
+for as benchmarks/trust.py does.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from mapmeld import default_config
 
 RIDGE = 0.5
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
-TELLING = 4.0
-"""Log-likelihood ratio of a row, nats, from which it is fitted: below it the walls alone refuse."""
+FITTED_FROM = 4.0
+"""Log-likelihood ratio of a row, nats, from which it is fitted: what shows less is never merged."""
 EVIDENCE = default_config()["evidence"]
 ACCEPTED = EVIDENCE["min_probability"]
 """Probability from which maps are merged."""
@@ -80,7 +80,7 @@ def _collect(args: argparse.Namespace) -> list[Row]:
 
 def fit(features: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The constant and the weight of each feature: logistic regression with a ridge, by Newton's method."""
-    tells = features[:, 0] ** 2 >= TELLING
+    tells = features[:, 0] ** 2 >= FITTED_FROM
     features, right = features[tells], right[tells]
     mean, scale = features.mean(axis=0), features.std(axis=0) + 1e-9
     x = np.column_stack([np.ones(len(features)), (features - mean) / scale])

@@ -8,8 +8,6 @@ use crate::probe::Probe;
 
 /// Probes of a block.
 pub const LANES: usize = 16;
-/// Probes of the first round, see [`Blocks`].
-const FIRST: usize = 16;
 /// Where lanes lie that hold no probe, metres: on no grid.
 const NOWHERE: f32 = 1e12;
 
@@ -76,7 +74,7 @@ impl Blocks {
         let places = 1usize << n.max(1).ilog2();
         let at = |place: usize| place * n / places;
         let mut order: Vec<usize> = Vec::with_capacity(n);
-        let mut step = (places / FIRST).max(1);
+        let mut step = (places / LANES).max(1);
         order.extend((0..places).step_by(step).map(at));
         while step > 1 {
             order.extend((step / 2..places).step_by(step).map(at));
@@ -119,7 +117,7 @@ impl Blocks {
     }
 }
 
-/// The whole part of a number that is not negative and less than four million; one less than a whole number may come
+/// The whole part of a number that is not negative and less than eight million; one less than a whole number may come
 /// out for that, and anything for other numbers.
 #[inline(always)]
 pub fn whole(v: f32) -> i32 {

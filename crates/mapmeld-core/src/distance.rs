@@ -4,7 +4,7 @@
 //! distance along the row, columns take the lower envelope of parabolas. Since a byte ends within 16 cells, few
 //! parabolas reach a cell: all of them are asked, a whole row of bytes at once.
 
-use crate::grid::{class_of, turned_over, Class, OccupancyGrid};
+use crate::grid::{class_of, Class, OccupancyGrid};
 
 /// Squared distance, in cells, that the byte table can hold; larger ones read [`FAR`].
 pub const MAX_SQUARED: u32 = 254;
@@ -72,11 +72,6 @@ impl DistanceTable {
             }
         }
         Self { squared }
-    }
-
-    /// The table of a mirrored set, of a grid so many columns wide.
-    pub fn mirrored(&self, columns: usize) -> Self {
-        Self { squared: turned_over(&self.squared, columns) }
     }
 
     /// Squared distance in cells at a cell index, [`FAR`] beyond the table's reach.

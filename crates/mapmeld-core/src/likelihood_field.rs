@@ -33,50 +33,14 @@ pub struct Wall {
 /// What stands for a wall where none is within reach: it has no normal.
 const NO_WALL: Wall = Wall { x: 0.0, y: 0.0, nx: 0.0, ny: 0.0 };
 
-/// Side of the field's cells, metres, where the grid's are finer: the table is looked up all over, and most of what a
-/// look-up costs is the wait for its memory.
-const CELL: f64 = 0.1;
-
-/// See the module's text. Holds indices into the boundary it was made from.
+/// See the module's text. Holds indices into the boundary it was made from, and one more for no wall.
 #[derive(Debug, Clone)]
 pub struct LikelihoodField {
-    fold: Fold,
-    /// Of each of the field's cells, row by row, and last of what lies outside the grid. Where nothing is near, the
-    /// index of the last wall.
+    /// Of each cell, row by row, and last of what lies outside the grid. Where nothing is near, the index of the last
+    /// wall.
     nearest: Vec<[u16; DIRECTIONS]>,
     /// The last one is [`NO_WALL`].
     walls: Vec<Wall>,
-}
-
-/// Which cell of the field a cell of the grid belongs to: squares of the grid's cells are one.
-#[derive(Debug, Clone, Copy)]
-struct Fold {
-    /// Logarithm to base two of the side of a square, in cells of the grid.
-    log2: u32,
-    /// Cells of the grid that are missing to the squares of the first column.
-    before: usize,
-    /// Columns of the field.
-    columns: usize,
-    /// Rows of the field.
-    rows: usize,
-}
-
-impl Fold {
-    fn new(grid: &OccupancyGrid) -> Self {
-        let log2 = (CELL / grid.resolution() + 1e-6).max(1.0).log2() as u32;
-        let folded = |cells: usize| cells.div_ceil(1 << log2);
-        Self { log2, before: 0, columns: folded(grid.width()), rows: folded(grid.height()) }
-    }
-
-    /// Of a grid so many columns wide, turned over.
-    fn mirrored(&self, columns: usize) -> Self {
-        Self { before: (self.columns << self.log2) - columns - self.before, ..*self }
-    }
-
-    #[inline(always)]
-    fn cell(&self, row: usize, col: usize) -> usize {
-        (row >> self.log2) * self.columns + ((col + self.before) >> self.log2)
-    }
 }
 
 /// Which of the eight directions a vector points to.
@@ -111,10 +75,9 @@ impl LikelihoodField {
     /// Makes the field with a reach of `reach` cells. At most 65534 points can be held.
     pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
         assert!(boundary.len() < usize::from(u16::MAX), "boundary must be thinned first");
-        let fold = Fold::new(grid);
-        let cells = fold.columns * fold.rows;
-        let mut nearest = vec![[boundary.len() as u16; DIRECTIONS]; cells + 1];
-        let mut squared = vec![[u8::MAX; DIRECTIONS]; cells];
+        let (w, h) = (grid.width(), grid.height());
+        let mut nearest = vec![[boundary.len() as u16; DIRECTIONS]; w * h + 1];
+        let mut squared = vec![[u8::MAX; DIRECTIONS]; w * h];
         let r = reach as isize;
         let to_grid = grid.locator();
         for (k, p) in boundary.iter().enumerate() {
@@ -129,18 +92,16 @@ impl LikelihoodField {
                     u8::MAX
                 }
             });
-            let (row, col) = (p.cell as usize / grid.width(), p.cell as usize % grid.width());
-            let rows = within(row, r, &fold, fold.rows);
-            let columns = within(col, r, &fold, fold.columns);
-            for (across, line) in rows {
-                for (along, column) in columns.clone() {
-                    // A quarter: offsets are in half cells.
-                    let d2 = (across * across + along * along) / 4;
-                    if d2 > r * r {
-                        continue;
-                    }
-                    let d2 = d2.min(254) as u8;
-                    let at = line * fold.columns + column;
+            let (row, col) = ((p.cell as usize / w) as isize, (p.cell as usize % w) as isize);
+            for dr in -r..=r {
+                if !(0..h as isize).contains(&(row + dr)) {
+                    continue;
+                }
+                let half = ((r * r - dr * dr) as f64).sqrt() as isize;
+                let line = (row + dr) as usize * w;
+                for cc in (col - half).max(0)..=(col + half).min(w as isize - 1) {
+                    let (dc, at) = (cc - col, line + cc as usize);
+                    let d2 = (dr * dr + dc * dc).min(254) as u8;
                     let (squared, nearest) = (&mut squared[at], &mut nearest[at]);
                     for b in 0..DIRECTIONS {
                         let d = d2 | far[b];
@@ -156,7 +117,7 @@ impl LikelihoodField {
             let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));
             Wall { x: p.x as f32, y: p.y as f32, nx: n.x as f32, ny: n.y as f32 }
         };
-        Self { fold, nearest, walls: boundary.iter().map(wall).chain([NO_WALL]).collect() }
+        Self { nearest, walls: boundary.iter().map(wall).chain([NO_WALL]).collect() }
     }
 
     /// The field of the mirror image of a grid so many columns and metres wide, whose boundary has the mirrored
@@ -167,35 +128,20 @@ impl LikelihoodField {
         };
         let mut nearest = Vec::with_capacity(self.nearest.len());
         let (outside, cells) = self.nearest.split_last().expect("what lies outside");
-        let rows = cells.chunks_exact(self.fold.columns);
+        let rows = cells.chunks_exact(columns);
         rows.for_each(|row| nearest.extend(row.iter().rev().map(cell)));
         nearest.push(*outside);
         let wall = |w: &Wall| Wall { x: (width - f64::from(w.x)) as f32, nx: -w.nx, ..*w };
-        let walls = self.walls.iter().map(wall).collect();
-        Self { fold: self.fold.mirrored(columns), nearest, walls }
+        Self { nearest, walls: self.walls.iter().map(wall).collect() }
     }
 
     /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
-    /// a cell of the grid; none within reach.
+    /// a cell; none within reach.
     #[inline(always)]
-    pub fn nearest(&self, row: usize, col: usize, direction: usize) -> Option<usize> {
-        let k = usize::from(self.nearest[self.fold.cell(row, col)][direction]);
+    pub fn nearest(&self, cell: usize, direction: usize) -> Option<usize> {
+        let k = usize::from(self.nearest[cell][direction]);
         (k + 1 < self.walls.len()).then_some(k)
     }
-}
-
-/// The cells of the field that the cells of a row, or of a column, within `reach` of one belong to, each with how far its
-/// middle is from that one, in half cells.
-fn within(
-    cell: usize,
-    reach: isize,
-    fold: &Fold,
-    cells: usize,
-) -> impl Iterator<Item = (isize, usize)> + Clone {
-    let (cell, side) = (cell as isize, 1isize << fold.log2);
-    let of = move |k: isize| k.div_euclid(side);
-    let (first, last) = (of(cell - reach).max(0), of(cell + reach).min(cells as isize - 1));
-    (first..=last).map(move |k| (side * (2 * k + 1) - (2 * cell + 1), k as usize))
 }
 
 /// Looks points of another frame up in a field.
@@ -211,16 +157,16 @@ impl<'a> FieldView<'a> {
         Self { field, locator: grid.locator_from(t_map_frame) }
     }
 
-    /// Row and column of the cell of a point of the frame, none outside the grid.
+    /// Cell of a point of the frame, none outside the grid.
     #[inline(always)]
-    pub fn cell(&self, p: Vec2) -> Option<(usize, usize)> {
-        self.locator.cell(p)
+    pub fn cell(&self, p: Vec2) -> Option<usize> {
+        self.locator.index(p)
     }
 
     /// Nearest wall point like-oriented with `normal` (a vector of the frame) at a cell.
     #[inline(always)]
-    pub fn nearest(&self, (row, col): (usize, usize), normal: Vec2) -> Option<usize> {
-        self.field.nearest(row, col, direction(self.locator.rotate(normal)))
+    pub fn nearest(&self, cell: usize, normal: Vec2) -> Option<usize> {
+        self.field.nearest(cell, direction(self.locator.rotate(normal)))
     }
 }
 
@@ -245,8 +191,6 @@ pub struct Seen {
     pub y: [f32; LANES],
     /// Indices of the grid's cells, row by row; one beyond the last for what lies outside the grid.
     pub cell: [u32; LANES],
-    /// The same of the field's cells.
-    at: [u32; LANES],
     /// Directions of their normals.
     octant: [u8; LANES],
 }
@@ -280,16 +224,8 @@ impl<'a> ProbeView<'a> {
     /// Where probes lie.
     #[inline(always)]
     pub fn see(&self, block: &Block) -> Seen {
-        let mut seen = Seen {
-            x: [0.0; LANES],
-            y: [0.0; LANES],
-            cell: [0; LANES],
-            at: [0; LANES],
-            octant: [0; LANES],
-        };
-        let fold = &self.field.fold;
-        let (log2, before, columns) = (fold.log2, fold.before as i32, fold.columns as i32);
-        let beyond = (self.field.nearest.len() - 1) as u32;
+        let mut seen =
+            Seen { x: [0.0; LANES], y: [0.0; LANES], cell: [0; LANES], octant: [0; LANES] };
         for k in 0..LANES {
             let (x, y) = self.axes.apply(block.x[k], block.y[k]);
             (seen.x[k], seen.y[k]) = (x, y);
@@ -298,8 +234,6 @@ impl<'a> ProbeView<'a> {
             let (row, col) = (blocks::whole(v), blocks::whole(u));
             let cell = row.wrapping_mul(self.columns).wrapping_add(col);
             seen.cell[k] = if is_inside { cell as u32 } else { self.outside };
-            let at = (row >> log2).wrapping_mul(columns).wrapping_add((col + before) >> log2);
-            seen.at[k] = if is_inside { at as u32 } else { beyond };
         }
         for (octant, direction) in seen.octant.iter_mut().zip(block.direction) {
             *octant = self.axes.octant(direction) as u8;
@@ -314,7 +248,7 @@ impl<'a> ProbeView<'a> {
         let mut nearest = [0u16; LANES];
         for (k, nearest) in nearest.iter_mut().enumerate() {
             let octant = (usize::from(seen.octant[k]) + half_turns * DIRECTIONS / 2) % DIRECTIONS;
-            *nearest = self.field.nearest[seen.at[k] as usize][octant];
+            *nearest = self.field.nearest[seen.cell[k] as usize][octant];
         }
         let mut walls = Walls::none();
         for (k, nearest) in nearest.into_iter().enumerate() {
@@ -327,7 +261,7 @@ impl<'a> ProbeView<'a> {
 }
 
 impl Walls {
-    /// Squared distances of what was seen, metres, infinite where there is no wall; so much along a wall costs nothing.
+    /// Squared distances of what was seen, square metres, infinite where there is no wall; so much along a wall costs nothing.
     #[inline(always)]
     pub fn squared(&self, seen: &Seen, slack: f32) -> [f32; LANES] {
         let mut found = [f32::INFINITY; LANES];
@@ -409,8 +343,7 @@ mod tests {
                     .map(|p| (p.position - at).norm())
                     .filter(|r| *r <= 0.6 + 1e-9)
                     .min_by(f64::total_cmp);
-                let got =
-                    field.nearest(cell / w, cell % w, d).map(|k| (points[k].position - at).norm());
+                let got = field.nearest(cell, d).map(|k| (points[k].position - at).norm());
                 match (best, got) {
                     (Some(b), Some(g)) => assert!((b - g).abs() < 1e-9),
                     (None, None) => {}
@@ -418,36 +351,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn finer_grids_share_cells_of_the_field() {
-        let (w, h) = (31, 24);
-        let grid = OccupancyGrid::new("g", w, h, 0.03, Se2::IDENTITY, vec![0; w * h]).unwrap();
-        let wall = |cell: usize| BoundaryPoint {
-            position: grid.cell_center(cell / w, cell % w),
-            normal: Vec2::new(1.0, 0.0),
-            cell: cell as u32,
-            straightness: 1.0,
-        };
-        let points = [wall(5 * w + 3), wall(12 * w + 20), wall(13 * w + 29)];
-        let field = LikelihoodField::new(&grid, &points, 6);
-        assert_eq!(field.nearest.len(), 16 * 12 + 1);
-        let turned = field.mirrored(w, 0.93);
-        let mut found = 0;
-        for (row, col) in (0..h).flat_map(|row| (0..w).map(move |col| (row, col))) {
-            let got = field.nearest(row, col, 0);
-            assert_eq!(turned.nearest(row, w - 1 - col, 4), got);
-            // Of the square that the cell belongs to, not of the cell.
-            let middle = |k: usize| (k / 2 * 2 + 1) as f64 * 0.03;
-            let far = |p: &BoundaryPoint| (p.position - Vec2::new(middle(col), middle(row))).norm();
-            let best = points.iter().map(far).min_by(f64::total_cmp).unwrap();
-            match got {
-                Some(k) => assert!((far(&points[k]) - best).abs() < 0.01),
-                None => assert!(best > 0.17, "{row} {col}: {best}"),
-            }
-            found += usize::from(got.is_some());
-        }
-        assert!(found > 200, "{found}");
     }
 }

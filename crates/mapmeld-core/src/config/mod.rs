@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -9.033, 0.296, -1.039, -0.546, 0.886, -0.615, -0.701, 1.360, 1.962, 2.798,
-            -5.982, -2.858, 1.449, -0.887, 1.211, -20.587,
+            -10.239, 0.257, -1.105, -0.680, 0.900, -0.789, -0.634, 1.753, 1.801, 2.349,
+            -6.207, -3.191, 1.160, -0.877, 1.310, -23.746,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

@@ -141,7 +141,7 @@ mod tests {
                 _ => 0,
             }
         });
-        OccupancyGrid::new("room", w, h, 0.1, Se2::new(4.0, -2.0, 0.3), cells.collect()).unwrap()
+        OccupancyGrid::new("room", w, h, 0.05, Se2::new(4.0, -2.0, 0.3), cells.collect()).unwrap()
     }
 
     #[test]
@@ -158,9 +158,7 @@ mod tests {
             let at = turned.grid.cell_center(cell / columns, cell % columns);
             for d in 0..DIRECTIONS {
                 let far = |m: &LocalMap| {
-                    m.field
-                        .nearest(cell / columns, cell % columns, d)
-                        .map(|k| (m.boundary[k].position - at).norm())
+                    m.field.nearest(cell, d).map(|k| (m.boundary[k].position - at).norm())
                 };
                 match (far(&turned), far(&anew)) {
                     (Some(x), Some(y)) => assert!((x - y).abs() < 1e-9),

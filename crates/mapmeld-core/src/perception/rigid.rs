@@ -72,12 +72,12 @@ fn one_way(
         let nearest = view.walls(&seen, 0).squared(&seen, slack);
         let against = view.walls(&seen, 1).squared(&seen, slack);
         // What is said where no wall is in place.
-        let (depths, misses) = to.ground.conflicts_and_misses(&seen.cell);
+        let (shares, misses) = to.ground.conflicts_and_misses(&seen.cell);
         let mut otherwise = [0.0; LANES];
         for (k, otherwise) in otherwise.iter_mut().enumerate() {
             let excuse = if block.straight[k] { conflicts[1] } else { conflicts[0] };
             *otherwise =
-                misses[k] * block.weight[k] * miss + depths[k] * block.conflict_weight[k] * excuse;
+                misses[k] * block.weight[k] * miss + shares[k] * block.conflict_weight[k] * excuse;
         }
         for sum in sums.iter_mut() {
             for k in 0..LANES {

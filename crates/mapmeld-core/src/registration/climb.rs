@@ -99,6 +99,9 @@ impl Climb {
     }
 }
 
+/// Samples of each map that the climb of a group follows, at most.
+const GROUP_SAMPLES: usize = 512;
+
 /// Climbs with whole groups of placed maps: b's maps lie in a frame of their own, and `start` is that
 /// frame's pose in the world of a's. None when no walls match.
 pub fn climb_group(
@@ -114,6 +117,7 @@ pub fn climb_group(
     let centers: Vec<Vec2> =
         b.iter().filter_map(|q| Some(q.t_world_map.apply(q.map.center?))).collect();
     let center = centers.iter().sum::<Vec2>() / centers.len().max(1) as f64;
+    let of_each = (GROUP_SAMPLES, GROUP_SAMPLES);
     let ends = Ends { steps: max_iterations, shorter: STILL * resolution };
     let finest = perception.climb_sigma.max(resolution);
     ascend(*start, center, (0.5 * reach, finest), ends, |t, pull| {
@@ -125,12 +129,16 @@ pub fn climb_group(
                     continue;
                 }
                 let t_p_q = p.t_world_map.between(&moved.t_world_map);
-                // About every second sample: groups have plenty.
-                let half = (p.map.probes.len().div_ceil(2), q.map.probes.len().div_ceil(2));
-                matches(p.map, q.map, &axes_of(&p.map.grid, &q.map.grid, &t_p_q), half, |mut m| {
-                    m.place(&to_world);
-                    pull.add(&m);
-                });
+                matches(
+                    p.map,
+                    q.map,
+                    &axes_of(&p.map.grid, &q.map.grid, &t_p_q),
+                    of_each,
+                    |mut m| {
+                        m.place(&to_world);
+                        pull.add(&m);
+                    },
+                );
             }
         }
     })

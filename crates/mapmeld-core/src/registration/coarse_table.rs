@@ -80,7 +80,7 @@ impl CoarseTable {
         let cell = CELL.max((w * h / MAX_CELLS).sqrt()).max(g.resolution());
         let (width, height) = ((w / cell).ceil() as usize, (h / cell).ceil() as usize);
         let half = 0.5 * cell;
-        let deep = ((DEPTH + half) / g.resolution()).powi(2).min(250.0) as u8;
+        let deep = ((DEPTH + half) / g.resolution()).powi(2).clamp(1.0, 250.0) as u8;
         let mut cells = vec![[0; DIRECTIONS + 1]; width * height + 1];
         for row in 0..height {
             for col in 0..width {
@@ -99,7 +99,7 @@ impl CoarseTable {
                 };
                 let center = g.cell_center(fine_row, fine_col);
                 for (d, agree) in agree.iter_mut().enumerate() {
-                    let Some(k) = field.nearest(fine_row, fine_col, d) else { continue };
+                    let Some(k) = field.nearest(fine, d) else { continue };
                     let r = ((boundary[k].position - center).norm() - half).max(0.0);
                     let value = SCORES.0 * (-(r / BLUR).powi(2)).exp2();
                     // Agreement takes the place of what the cell says of strangers.

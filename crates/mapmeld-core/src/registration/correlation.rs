@@ -29,9 +29,11 @@ const LOOKED_INTO: usize = 240;
 const PEAK_SAMPLES: usize = 160;
 /// Share of what the best rotation promises that another must promise: walls of few directions leave few rotations.
 const PROMISING: f32 = 0.9;
-/// Share of the best peak's score that another must reach in wide cells to be scored again: in finer ones it reaches
-/// less.
+/// Share of the best score in finer cells that another peak must reach in wide ones to be scored in finer ones, too:
+/// it reaches less there.
 const RIVAL: f32 = 0.5;
+/// Most bins and shifts whose memory is kept from pair to pair.
+const MOST_KEPT: usize = 2 << 20;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
 /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
@@ -50,9 +52,11 @@ pub fn candidates(a: &LocalMap, b: &LocalMap, rotations: usize) -> Vec<(f32, Can
         .collect();
     let mut peaks: Vec<(f32, usize, Shift)> = Vec::new();
     for (k, turned) in turns.iter().enumerate() {
+        // Nothing in there runs in parallel: another pair on this thread would find the memory taken.
         let found = SHIFTS.with_borrow_mut(|shifts| shifts.peaks(&a.coarse.wide, turned));
         peaks.extend(found.into_iter().map(|(score, shift)| (score, k, shift)));
     }
+    SHIFTS.with_borrow_mut(Shifts::give_back);
     let best_first = |x: &(f32, usize, Shift), y: &(f32, usize, Shift)| {
         y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2)))
     };
@@ -101,7 +105,8 @@ fn dot(x: &[f32; BINS], y: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// The most promising rotations of b's axes into a's, radians, at least six degrees apart.
+/// The most promising rotations of b's axes into a's, radians, at least six degrees apart, as far as they promise
+/// nearly as much as the best.
 fn promising(a: &[f32; BINS], b: &[f32; BINS], most: usize) -> Vec<f64> {
     let twice: Vec<f32> = a.iter().chain(a).copied().collect();
     let score: Vec<f32> = (0..BINS).map(|k| dot(b, &twice[k..k + BINS])).collect();
@@ -220,6 +225,13 @@ struct Shifts {
 }
 
 impl Shifts {
+    /// Memory that few pairs need is not kept.
+    fn give_back(&mut self) {
+        if self.bins.capacity() + self.scores.capacity() > MOST_KEPT {
+            *self = Self::default();
+        }
+    }
+
     /// Scores and shifts of the highest peaks at one rotation.
     fn peaks(&mut self, a: &Wide, b: &Turned) -> Vec<(f32, Shift)> {
         let (rows, cols) = (b.size.0.div_ceil(2), b.size.1.div_ceil(2));

@@ -155,5 +155,6 @@ pub fn apart(model: &PerceptionConfig) -> f64 {
     SAME_WORLD.0.max(4.0 * model.climb_sigma)
 }
 
-/// Poses closer than this (metres at the map's centre, radians) tell the same story.
+/// Worlds in which maps lie closer than this (metres at the map's centre, radians) tell the same story; modes of bent
+/// maps may lie further apart, see [`apart`].
 pub const SAME_WORLD: (f64, f64) = (0.5, 0.0873);

@@ -105,7 +105,8 @@ class Pair:
     status: what would become of these two maps alone: "merged", "ambiguous" or "no evidence"; or "forbidden":
         their match is known to be wrong. probability: that the first mode is right, 0..1; 0 without one.
     decoy_log_likelihood: the best that the mirror image of one map reaches on the other, nats: what chance
-        and repetition reach; 0 where that is next to nothing beside the first mode. None when nothing was tried.
+        and repetition reach; 0 where that is next to nothing beside the first mode. None when nothing was
+        tried.
     """
 
     a: str

@@ -17,7 +17,7 @@ use crate::parallel;
 use crate::perception::psi::Comparison;
 use crate::perception::{gamma, pool, psi, Overlay, WallEvidence};
 use crate::prior::{self, Prior};
-use crate::registration::SAME_WORLD;
+use crate::registration;
 use crate::result::Known;
 use crate::se2::Se2;
 use crate::verdict::{self, Background};
@@ -138,16 +138,15 @@ impl VirtualRobot<'_> {
         let looks = parallel::map(motions, |(_, x, _)| self.look(merged, map, *x));
         for ((_, _, covariance), look) in motions.iter().zip(looks) {
             let Some((x, evidence)) = look else { continue };
-            if self.is_refused(merged, map, &x) {
-                continue;
-            }
-            // Motions that led to the same place are one.
-            let (distance, angle) = SAME_WORLD;
-            if !seen.iter().any(|(y, ..)| x.is_close_at(y, center, distance, angle)) {
+            if !self.is_refused(merged, map, &x) {
                 seen.push((x, *covariance, evidence));
             }
         }
         seen.sort_by(|a, b| b.2.log_likelihood.total_cmp(&a.2.log_likelihood));
+        // Motions that led to the same place are one, which the likeliest tells.
+        let distance = registration::apart(&self.config.perception);
+        let told = registration::stories(seen.iter().map(|(x, ..)| x), center, distance);
+        let seen: Vec<_> = told.into_iter().map(|k| seen[k]).collect();
         let partners = self.pairs.partners(map).filter(|m| here.is_placed[*m]);
         let decoy = partners.map(|m| self.pairs.decoy(m, map)).fold(0.0, f64::max);
         let own = Background::new(self.members(map).into_iter(), self.rung, decoy);

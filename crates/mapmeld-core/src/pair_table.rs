@@ -92,6 +92,11 @@ impl PairTable {
         })
     }
 
+    /// Whether two maps belong together by what their pair says alone, wherever they lie.
+    pub fn is_carried(&self, a: usize, b: usize) -> bool {
+        self.find(a, b).is_some_and(|p| matches!(p.status, Status::Merged | Status::Ambiguous))
+    }
+
     /// The best log-likelihood that the mirror image of one of the maps reaches on the other; where it was not
     /// tried, what the modes reach, none of which stands: that is chance as well. Zero of pairs not registered.
     pub fn decoy(&self, a: usize, b: usize) -> f64 {

@@ -154,7 +154,12 @@ impl VirtualRobot<'_> {
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();
         let mut verdict = verdict::weigh(&poses, &background, c);
-        if let Some(fit) = self.prior_fit(&here.placed, map) {
+        let prior_fit = self.prior_fit(&here.placed, map);
+        // Of two maps alone all has been said: another climb may reach a little more, as it may with strangers.
+        if let ([(other, _)], None, None) = (here.placed.as_slice(), &prior_fit, &self.parts) {
+            verdict.is_carried &= self.pairs.is_carried(*other, map);
+        }
+        if let Some(fit) = prior_fit {
             // Walls that speak against a pose do not hold it, wherever the prior would have it.
             let odds = |(x, covariance, e): &(Se2, Matrix3<f64>, WallEvidence)| {
                 let fit = fit(x, covariance).filter(|_| e.log_likelihood > 0.0);

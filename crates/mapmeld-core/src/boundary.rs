@@ -3,7 +3,7 @@
 //! These are the data points of the paper's section 5. The normal tells the two sides of a wall
 //! apart: two walls that coincide with opposed normals are no agreement.
 
-use crate::grid::{Class, OccupancyGrid};
+use crate::grid::{class_of, Class, OccupancyGrid, OCCUPIED_AT_LEAST};
 use crate::se2::Vec2;
 
 /// One side of a wall cell.
@@ -39,10 +39,7 @@ fn raw_points(grid: &OccupancyGrid) -> Vec<BoundaryPoint> {
     let (w, h) = (grid.width(), grid.height());
     let mut out = Vec::new();
     for row in 0..h {
-        for col in 0..w {
-            if grid.class(row, col) != Class::Occupied {
-                continue;
-            }
+        for col in occupied(&grid.cells()[row * w..(row + 1) * w]) {
             let free = RING.map(|(dr, dc)| {
                 grid.class_or_unknown(row as isize + dr, col as isize + dc) == Class::Free
             });
@@ -57,6 +54,19 @@ fn raw_points(grid: &OccupancyGrid) -> Vec<BoundaryPoint> {
         }
     }
     out
+}
+
+/// Columns of the occupied cells of a row.
+fn occupied(row: &[i8]) -> impl Iterator<Item = usize> + '_ {
+    const AT_ONCE: usize = 32;
+    // Few cells are occupied: where none of many is, one comparison tells.
+    let some = row.chunks(AT_ONCE).enumerate().filter(|(_, cells)| {
+        cells.iter().fold(i8::MIN, |most, v| most.max(*v)) >= OCCUPIED_AT_LEAST
+    });
+    some.flat_map(|(chunk, cells)| {
+        let is_occupied = |(_, v): &(usize, &i8)| class_of(**v) == Class::Occupied;
+        cells.iter().enumerate().filter(is_occupied).map(move |(k, _)| chunk * AT_ONCE + k)
+    })
 }
 
 /// One unit normal for every run of free neighbours that holds a direct one.
@@ -144,13 +154,14 @@ pub(crate) struct CellIndex {
 
 impl CellIndex {
     pub(crate) fn new(grid: &OccupancyGrid, cells: impl Iterator<Item = u32>) -> Self {
-        let mut first = vec![0u32; grid.cells().len() + 1];
-        for c in cells {
-            first[c as usize + 1] += 1;
+        let all = grid.cells().len() + 1;
+        let mut first: Vec<u32> = Vec::with_capacity(all);
+        let mut points = 0;
+        for cell in cells {
+            first.resize(first.len().max(cell as usize + 1), points);
+            points += 1;
         }
-        for k in 1..first.len() {
-            first[k] += first[k - 1];
-        }
+        first.resize(all, points);
         Self { width: grid.width() as isize, height: grid.height() as isize, first }
     }
 

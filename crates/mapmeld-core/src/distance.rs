@@ -1,8 +1,8 @@
 //! Exact distance transforms, truncated to a byte.
 //!
-//! Separable (Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions", 2012): rows give the
-//! distance along the row, columns take the lower envelope of parabolas. Since a byte ends within 16 cells, few
-//! parabolas reach a cell: all of them are asked, a whole row of bytes at once.
+//! Separable (Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions", 2012): columns give the
+//! distance along the column, rows take the lower envelope of parabolas. Since a byte ends within 16 cells, few
+//! parabolas reach a cell: all of them are asked, many bytes of a row at once.
 
 use crate::grid::{class_of, Class, OccupancyGrid};
 
@@ -19,6 +19,16 @@ fn square(d: u8) -> u8 {
     d.saturating_mul(d)
 }
 
+/// Takes a row's distances from the neighbouring row's where those are less, a cell farther on.
+fn step(row: &mut [u8], neighbours: &[u8]) {
+    row.iter_mut().zip(neighbours).for_each(|(d, other)| *d = (other + 1).min(*d));
+}
+
+/// Takes what others know, so much farther away, where that is less: bytes that saturate, sixteen at a time.
+fn nearer(best: &mut [u8], others: &[u8], across: u8) {
+    best.iter_mut().zip(others).for_each(|(b, v)| *b = v.saturating_add(across).min(*b));
+}
+
 /// Squared distance in cells from every cell to the nearest cell of a set, exact up to
 /// [`MAX_SQUARED`], one byte a cell.
 #[derive(Debug, Clone)]
@@ -29,46 +39,39 @@ pub struct DistanceTable {
 impl DistanceTable {
     /// Distances to the cells of one class.
     pub fn to_class(grid: &OccupancyGrid, class: Class) -> Self {
-        let hit: Vec<bool> = grid.cells().iter().map(|v| class_of(*v) == class).collect();
-        Self::to_set(&hit, grid.width(), grid.height())
+        Self::to_set(grid.cells().iter().map(|v| class_of(*v) == class), grid.width())
     }
 
     /// Distances to the cells that are not of the class (how deep a cell lies inside it); cells
     /// outside the grid count as not of the class only where the grid has such cells.
     pub fn to_other_than(grid: &OccupancyGrid, class: Class) -> Self {
-        let hit: Vec<bool> = grid.cells().iter().map(|v| class_of(*v) != class).collect();
-        Self::to_set(&hit, grid.width(), grid.height())
+        Self::to_set(grid.cells().iter().map(|v| class_of(*v) != class), grid.width())
     }
 
-    /// Distances to the cells where `set` is true; `set.len() == width * height`.
-    pub fn to_set(set: &[bool], width: usize, height: usize) -> Self {
-        // Squared distance along the row, which ends where the byte does.
-        let mut along = vec![FAR; width * height];
-        for (line, hits) in along.chunks_exact_mut(width).zip(set.chunks_exact(width)) {
-            let mut d = REACH;
-            for (value, hit) in line.iter_mut().zip(hits) {
-                d = if *hit { 0 } else { (d + 1).min(REACH) };
-                *value = square(d);
-            }
-            d = REACH;
-            for (value, hit) in line.iter_mut().zip(hits).rev() {
-                d = if *hit { 0 } else { (d + 1).min(REACH) };
-                *value = square(d).min(*value);
-            }
+    /// Distances to the cells, row by row and so many in a row, where `set` is true.
+    pub fn to_set(set: impl Iterator<Item = bool>, width: usize) -> Self {
+        // Along the columns first, a whole row at a time: each cell is one farther than the nearer of its neighbours.
+        let mut along: Vec<u8> = set.map(|is_in| if is_in { 0 } else { REACH }).collect();
+        let rows: Vec<usize> = (0..along.len()).step_by(width).collect();
+        for row in rows.iter().skip(1) {
+            let (before, here) = along.split_at_mut(*row);
+            step(&mut here[..width], &before[row - width..]);
         }
-        // The best of the rows within reach, each with its own distance: bytes that saturate, sixteen at a time.
-        let mut squared = vec![FAR; width * height];
-        for (row, line) in along.chunks_exact(width).enumerate() {
-            if line.iter().all(|v| *v == FAR) {
+        for row in rows.iter().rev().skip(1) {
+            let (here, after) = along.split_at_mut(row + width);
+            step(&mut here[*row..], &after[..width]);
+        }
+        along.iter_mut().for_each(|d| *d = square(*d));
+        // Then the best of what lies within reach in the row, each with its own distance.
+        let mut squared = along.clone();
+        for (best, line) in squared.chunks_exact_mut(width).zip(along.chunks_exact(width)) {
+            if line.iter().fold(FAR, |least, v| least.min(*v)) == FAR {
                 continue;
             }
-            let reach = usize::from(REACH) - 1;
-            for to in row.saturating_sub(reach)..(row + reach + 1).min(height) {
-                let across = square(row.abs_diff(to) as u8);
-                let nearest = &mut squared[to * width..(to + 1) * width];
-                for (best, v) in nearest.iter_mut().zip(line) {
-                    *best = v.saturating_add(across).min(*best);
-                }
+            for d in 1..usize::from(REACH).min(width) {
+                let across = square(d as u8);
+                nearer(&mut best[d..], line, across);
+                nearer(best, &line[d..], across);
             }
         }
         Self { squared }
@@ -128,10 +131,13 @@ mod tests {
         ] {
             for _ in 0..10 {
                 let set: Vec<bool> = (0..w * h).map(|_| rng.random_bool(p)).collect();
-                let table = DistanceTable::to_set(&set, w, h);
+                let table = DistanceTable::to_set(set.iter().copied(), w);
                 assert_eq!(table.as_slice(), brute(&set, w, h), "{w} x {h}, p {p}");
             }
         }
-        assert!(DistanceTable::to_set(&[false; 12], 4, 3).as_slice().iter().all(|d| *d == FAR));
+        assert!(DistanceTable::to_set([false; 12].into_iter(), 4)
+            .as_slice()
+            .iter()
+            .all(|d| *d == FAR));
     }
 }

@@ -4,6 +4,7 @@ use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, turned_over, Class, OccupancyGrid};
+use std::ops::Range;
 
 /// Of cells that nothing is known of, those outside the grid too.
 const UNKNOWN: u8 = u8::MAX;
@@ -46,6 +47,12 @@ impl Ground {
             UNKNOWN => 0,
             depth => depth,
         }
+    }
+
+    /// Which of some cells, counted from the first of them, lie in free space at such a squared depth at least.
+    pub fn deep(&self, cells: Range<usize>, squared: u8) -> impl Iterator<Item = usize> + '_ {
+        let is_deep = move |(_, v): &(usize, &u8)| (squared..UNKNOWN).contains(*v);
+        self.cells[cells].iter().enumerate().filter(is_deep).map(|(k, _)| k)
     }
 
     /// Whether nothing is known of a cell.

@@ -28,6 +28,8 @@ pub mod blocks;
 pub mod boundary;
 pub mod cache;
 pub mod canonical;
+pub mod catchment;
+
 pub mod cluster;
 pub mod config;
 pub mod distance;

@@ -5,17 +5,22 @@
 //! whose normal agrees.
 
 use crate::blocks::{self, Block, LANES};
-use crate::boundary::BoundaryPoint;
+use crate::boundary::{BoundaryPoint, CellIndex};
+use crate::catchment::{self, Catchments, MAX_REACH};
 use crate::grid::{Locator, OccupancyGrid};
 use crate::probe::Axes;
 use crate::se2::{Se2, Vec2};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Number of directions that are told apart.
 pub const DIRECTIONS: usize = 8;
 /// Normals agree with a direction when within this angle of it, radians. Half a bin and a
 /// tolerance of about 30 degrees.
 const AGREE: f64 = 0.92;
+
+/// Rows that points of one row reach.
+const OPEN_ROWS: usize = 2 * MAX_REACH + 2;
 
 /// A wall point in the axes of its grid, metres: what registration asks for, in one piece of memory.
 #[derive(Debug, Clone, Copy)]
@@ -37,10 +42,18 @@ const NO_WALL: Wall = Wall { x: 0.0, y: 0.0, nx: 0.0, ny: 0.0 };
 #[derive(Debug, Clone)]
 pub struct LikelihoodField {
     /// Of each cell, row by row, and last of what lies outside the grid. Where nothing is near, the index of the last
-    /// wall.
-    nearest: Vec<[u16; DIRECTIONS]>,
+    /// wall. The mirror image has the same.
+    nearest: Arc<Vec<[u16; DIRECTIONS]>>,
+    columns: usize,
+    /// Whether rows are told from their last column to the first, and directions accordingly.
+    is_turned: bool,
     /// The last one is [`NO_WALL`].
     walls: Vec<Wall>,
+}
+
+/// What one of the eight directions is in the mirror image.
+fn turned(direction: usize) -> usize {
+    (DIRECTIONS + DIRECTIONS / 2 - direction) % DIRECTIONS
 }
 
 /// Which of the eight directions a vector points to.
@@ -71,43 +84,61 @@ pub fn direction(v: Vec2) -> usize {
     }
 }
 
+/// The directions that a normal, in the grid's axes, agrees with: one bit each.
+fn agreeing(n: Vec2) -> u8 {
+    let angle = n.y.atan2(n.x);
+    let off = |b: usize| crate::se2::wrap(angle - TAU * b as f64 / DIRECTIONS as f64).abs();
+    (0..DIRECTIONS).filter(|b| off(*b) <= AGREE).fold(0, |bits, b| bits | 1 << b)
+}
+
 impl LikelihoodField {
     /// Makes the field with a reach of `reach` cells. At most 65534 points can be held.
     pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
         assert!(boundary.len() < usize::from(u16::MAX), "boundary must be thinned first");
         let (w, h) = (grid.width(), grid.height());
         let mut nearest = vec![[boundary.len() as u16; DIRECTIONS]; w * h + 1];
-        let mut squared = vec![[u8::MAX; DIRECTIONS]; w * h];
-        let r = reach as isize;
+        // Points come row by row, so that few rows are open at a time, which stay in the near cache.
+        let mut squared = vec![[u8::MAX; DIRECTIONS]; OPEN_ROWS * w];
+        let mut opened = 0;
         let to_grid = grid.locator();
+        let agreeing: Vec<u8> =
+            boundary.iter().map(|p| agreeing(to_grid.rotate(p.normal))).collect();
+        let place =
+            |p: &BoundaryPoint| (p.cell as isize / w as isize, p.cell as isize % w as isize);
+        let places: Vec<(isize, isize)> = boundary.iter().map(place).collect();
+        let catchments = Catchments::new(reach);
+        let index = CellIndex::new(grid, boundary.iter().map(|p| p.cell));
         for (k, p) in boundary.iter().enumerate() {
-            let n = to_grid.rotate(p.normal);
-            let angle = n.y.atan2(n.x);
-            // A direction that does not agree is farther than any byte.
-            let far: [u8; DIRECTIONS] = std::array::from_fn(|b| {
-                let off = crate::se2::wrap(angle - TAU * b as f64 / DIRECTIONS as f64).abs();
-                if off <= AGREE {
-                    0
-                } else {
-                    u8::MAX
+            let (row, col) = places[k];
+            while opened <= row as usize + MAX_REACH {
+                squared[opened % OPEN_ROWS * w..][..w].fill([u8::MAX; DIRECTIONS]);
+                opened += 1;
+            }
+            // Who agrees wherever this one does takes all cells that lie nearer to it.
+            let mut mine = catchments.alone();
+            index.for_window(p.cell, catchment::AROUND, |q| {
+                if agreeing[k] & !agreeing[q] == 0 {
+                    catchments.cede(&mut mine, places[q].0 - row, places[q].1 - col);
                 }
             });
-            let (row, col) = ((p.cell as usize / w) as isize, (p.cell as usize % w) as isize);
-            for dr in -r..=r {
-                if !(0..h as isize).contains(&(row + dr)) {
+            for (dr, from, to) in mine.rows() {
+                let at = row + dr;
+                if !(0..h as isize).contains(&at) {
                     continue;
                 }
-                let half = ((r * r - dr * dr) as f64).sqrt() as isize;
-                let line = (row + dr) as usize * w;
-                for cc in (col - half).max(0)..=(col + half).min(w as isize - 1) {
-                    let (dc, at) = (cc - col, line + cc as usize);
-                    let d2 = (dr * dr + dc * dc).min(254) as u8;
-                    let (squared, nearest) = (&mut squared[at], &mut nearest[at]);
-                    for b in 0..DIRECTIONS {
-                        let d = d2 | far[b];
-                        let is_nearer = d < squared[b];
-                        squared[b] = if is_nearer { d } else { squared[b] };
-                        nearest[b] = if is_nearer { k as u16 } else { nearest[b] };
+                let squared = &mut squared[at as usize % OPEN_ROWS * w..][..w];
+                let nearest = &mut nearest[at as usize * w..][..w];
+                for at in (col + from).max(0)..=(col + to).min(w as isize - 1) {
+                    let d2 = (dr * dr + (at - col) * (at - col)) as u8;
+                    let (squared, nearest) = (&mut squared[at as usize], &mut nearest[at as usize]);
+                    let mut directions = agreeing[k];
+                    while directions != 0 {
+                        let b = directions.trailing_zeros() as usize;
+                        directions &= directions - 1;
+                        if d2 < squared[b] {
+                            squared[b] = d2;
+                            nearest[b] = k as u16;
+                        }
                     }
                 }
             }
@@ -117,28 +148,31 @@ impl LikelihoodField {
             let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));
             Wall { x: p.x as f32, y: p.y as f32, nx: n.x as f32, ny: n.y as f32 }
         };
-        Self { nearest, walls: boundary.iter().map(wall).chain([NO_WALL]).collect() }
+        let walls = boundary.iter().map(wall).chain([NO_WALL]).collect();
+        Self { nearest: Arc::new(nearest), columns: w, is_turned: false, walls }
     }
 
-    /// The field of the mirror image of a grid so many columns and metres wide, whose boundary has the mirrored
-    /// points in the same order.
-    pub fn mirrored(&self, columns: usize, width: f64) -> Self {
-        let cell = |at: &[u16; DIRECTIONS]| -> [u16; DIRECTIONS] {
-            std::array::from_fn(|b| at[(DIRECTIONS + DIRECTIONS / 2 - b) % DIRECTIONS])
-        };
-        let mut nearest = Vec::with_capacity(self.nearest.len());
-        let (outside, cells) = self.nearest.split_last().expect("what lies outside");
-        let rows = cells.chunks_exact(columns);
-        rows.for_each(|row| nearest.extend(row.iter().rev().map(cell)));
-        nearest.push(*outside);
+    /// The field of the mirror image of a grid so many metres wide, whose boundary has the mirrored points in the same
+    /// order.
+    pub fn mirrored(&self, width: f64) -> Self {
         let wall = |w: &Wall| Wall { x: (width - f64::from(w.x)) as f32, nx: -w.nx, ..*w };
-        Self { nearest, walls: self.walls.iter().map(wall).collect() }
+        Self {
+            nearest: Arc::clone(&self.nearest),
+            is_turned: !self.is_turned,
+            walls: self.walls.iter().map(wall).collect(),
+            ..*self
+        }
     }
 
     /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
     /// a cell; none within reach.
     #[inline(always)]
     pub fn nearest(&self, cell: usize, direction: usize) -> Option<usize> {
+        let (row, col) = (cell / self.columns, cell % self.columns);
+        let (cell, direction) = match self.is_turned {
+            true => ((row + 1) * self.columns - 1 - col, turned(direction)),
+            false => (cell, direction),
+        };
         let k = usize::from(self.nearest[cell][direction]);
         (k + 1 < self.walls.len()).then_some(k)
     }
@@ -157,15 +191,10 @@ impl<'a> FieldView<'a> {
         Self { field, locator: grid.locator_from(t_map_frame) }
     }
 
-    /// Cell of a point of the frame, none outside the grid.
+    /// The wall point that is nearest to a point of the frame and oriented like `normal`, a vector of the frame.
     #[inline(always)]
-    pub fn cell(&self, p: Vec2) -> Option<usize> {
-        self.locator.index(p)
-    }
-
-    /// Nearest wall point like-oriented with `normal` (a vector of the frame) at a cell.
-    #[inline(always)]
-    pub fn nearest(&self, cell: usize, normal: Vec2) -> Option<usize> {
+    pub fn nearest(&self, p: Vec2, normal: Vec2) -> Option<usize> {
+        let cell = self.locator.index(p)?;
         self.field.nearest(cell, direction(self.locator.rotate(normal)))
     }
 }
@@ -181,6 +210,12 @@ pub struct ProbeView<'a> {
     columns: i32,
     /// Index of the cell beyond the last.
     outside: u32,
+    /// From the index of a row's first cell to where the field tells of it, and from there to the next cell.
+    first: i32,
+    step: i32,
+    /// What the field's directions are counted from, and which way.
+    octant: u8,
+    octant_step: u8,
 }
 
 /// Where the probes of a block came to lie.
@@ -191,7 +226,8 @@ pub struct Seen {
     pub y: [f32; LANES],
     /// Indices of the grid's cells, row by row; one beyond the last for what lies outside the grid.
     pub cell: [u32; LANES],
-    /// Directions of their normals.
+    /// Where the field tells of these cells, and of the directions of their normals.
+    place: [u32; LANES],
     octant: [u8; LANES],
 }
 
@@ -218,25 +254,33 @@ impl<'a> ProbeView<'a> {
             height: grid.height() as f32,
             columns: grid.width() as i32,
             outside: grid.cells().len() as u32,
+            first: if field.is_turned { grid.width() as i32 - 1 } else { 0 },
+            step: if field.is_turned { -1 } else { 1 },
+            octant: if field.is_turned { turned(0) as u8 } else { 0 },
+            octant_step: if field.is_turned { u8::MAX } else { 1 },
         }
     }
 
     /// Where probes lie.
     #[inline(always)]
     pub fn see(&self, block: &Block) -> Seen {
-        let mut seen =
-            Seen { x: [0.0; LANES], y: [0.0; LANES], cell: [0; LANES], octant: [0; LANES] };
+        let (zero, none) = ([0.0; LANES], [0; LANES]);
+        let mut seen = Seen { x: zero, y: zero, cell: none, place: none, octant: [0; LANES] };
         for k in 0..LANES {
             let (x, y) = self.axes.apply(block.x[k], block.y[k]);
             (seen.x[k], seen.y[k]) = (x, y);
             let (u, v) = (x * self.per_metre, y * self.per_metre);
             let is_inside = (u >= 0.0) & (v >= 0.0) & (u < self.width) & (v < self.height);
             let (row, col) = (blocks::whole(v), blocks::whole(u));
-            let cell = row.wrapping_mul(self.columns).wrapping_add(col);
+            let row = row.wrapping_mul(self.columns);
+            let cell = row.wrapping_add(col);
+            let place = row.wrapping_add(self.first).wrapping_add(col.wrapping_mul(self.step));
             seen.cell[k] = if is_inside { cell as u32 } else { self.outside };
+            seen.place[k] = if is_inside { place as u32 } else { self.outside };
         }
         for (octant, direction) in seen.octant.iter_mut().zip(block.direction) {
-            *octant = self.axes.octant(direction) as u8;
+            let there = self.axes.octant(direction) as u8;
+            *octant = self.octant.wrapping_add(there.wrapping_mul(self.octant_step));
         }
         seen
     }
@@ -248,7 +292,7 @@ impl<'a> ProbeView<'a> {
         let mut nearest = [0u16; LANES];
         for (k, nearest) in nearest.iter_mut().enumerate() {
             let octant = (usize::from(seen.octant[k]) + half_turns * DIRECTIONS / 2) % DIRECTIONS;
-            *nearest = self.field.nearest[seen.cell[k] as usize][octant];
+            *nearest = self.field.nearest[seen.place[k] as usize][octant];
         }
         let mut walls = Walls::none();
         for (k, nearest) in nearest.into_iter().enumerate() {
@@ -313,22 +357,26 @@ mod tests {
         }
     }
 
+    /// A slanted wall seen from both sides, an upright one, and points here and there with normals of their own.
     #[test]
     fn holds_the_nearest_agreeing_point() {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(3);
         let (w, h) = (30, 25);
         let grid =
             OccupancyGrid::new("g", w, h, 0.1, Se2::new(1.0, 2.0, 0.3), vec![0; w * h]).unwrap();
-        let points: Vec<BoundaryPoint> = (0..25)
-            .map(|_| {
-                let cell = rng.random_range(0..w * h);
-                let a: f64 = rng.random_range(0.0..TAU);
-                BoundaryPoint {
-                    position: grid.cell_center(cell / w, cell % w),
-                    normal: grid.origin().rotate(Vec2::new(a.cos(), a.sin())),
-                    cell: cell as u32,
-                    straightness: 1.0,
-                }
+        let slanted =
+            (2..28).flat_map(|x| [(x + w * (5 + x / 3), -1.2), (x + w * (5 + x / 3), 1.94)]);
+        let upright = (3..20).map(|y| (12 + w * y, 0.0));
+        let strays = (0..25).map(|_| (rng.random_range(0..w * h), rng.random_range(0.0..TAU)));
+        let mut places: Vec<(usize, f64)> = slanted.chain(upright).chain(strays).collect();
+        places.sort_by_key(|(cell, _)| *cell);
+        let points: Vec<BoundaryPoint> = places
+            .into_iter()
+            .map(|(cell, a)| BoundaryPoint {
+                position: grid.cell_center(cell / w, cell % w),
+                normal: grid.origin().rotate(Vec2::new(a.cos(), a.sin())),
+                cell: cell as u32,
+                straightness: 1.0,
             })
             .collect();
         let field = LikelihoodField::new(&grid, &points, 6);

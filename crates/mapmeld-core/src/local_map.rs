@@ -4,6 +4,7 @@ mod mirror;
 
 use crate::blocks::Blocks;
 use crate::boundary::{self, BoundaryPoint};
+use crate::catchment::MAX_REACH;
 use crate::config::Config;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
@@ -13,7 +14,7 @@ use crate::probe::{self, Probe};
 use crate::registration::{coarse_table::CoarseTable, correlation};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
-use std::collections::HashMap;
+use rustc_hash::FxHashSet;
 use std::sync::OnceLock;
 
 /// A wall point that stands for a stretch of wall.
@@ -149,7 +150,7 @@ impl LocalMap {
             }
         }
         let reach_cells =
-            ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, 15);
+            ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, MAX_REACH);
         let field = LikelihoodField::new(&grid, &boundary, reach_cells);
         let ground = Ground::new(&grid, &config.perception);
         Self {
@@ -245,15 +246,19 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
 /// Splits wall samples across their longer extent until patches are small.
 fn patches(samples: &[WallSample]) -> Vec<Patch> {
     let mut done = Vec::new();
-    let mut todo: Vec<Vec<u32>> = vec![(0..samples.len() as u32).collect()];
-    while let Some(mut some) = todo.pop() {
-        let Some(first) = some.first() else { continue };
-        let at = |k: &u32| samples[*k as usize].position;
-        let first = at(first);
+    let at = |k: &u32| samples[*k as usize].position;
+    let along =
+        |axis: usize| move |x: &u32, y: &u32| at(x)[axis].total_cmp(&at(y)[axis]).then(x.cmp(y));
+    // With the axis that they were split across last.
+    let mut todo: Vec<(usize, Vec<u32>)> = vec![(0, (0..samples.len() as u32).collect())];
+    while let Some((split, mut some)) = todo.pop() {
+        let Some(first) = some.first().map(at) else { continue };
         let (low, high) =
             some.iter().fold((first, first), |(l, h), k| (l.inf(&at(k)), h.sup(&at(k))));
         let span = high - low;
         if some.len() < 2 * PATCH_SAMPLES || span.max() < PATCH_SIZE {
+            // Every so manieth of them lies evenly over the patch.
+            some.sort_unstable_by(along(split));
             let sum = some.iter().map(at).fold(Vec2::zeros(), |a, b| a + b);
             let center = sum / some.len() as f64;
             let radius = some.iter().map(|k| (at(k) - center).norm()).fold(0.0, f64::max);
@@ -261,17 +266,23 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
             continue;
         }
         let axis = usize::from(span.y > span.x);
-        some.sort_by(|x, y| at(x)[axis].total_cmp(&at(y)[axis]).then(x.cmp(y)));
-        let half = some.split_off(some.len() / 2);
-        todo.extend([some, half]);
+        let half = some.len() / 2;
+        some.select_nth_unstable_by(half, along(axis));
+        let half = some.split_off(half);
+        todo.extend([(axis, some), (axis, half)]);
     }
     let centers: Vec<Vec2> = done.iter().map(|p: &Patch| p.center).collect();
     let mut edges = std::collections::BTreeSet::new();
     for k in 0..centers.len() {
-        let far = |q: usize| (centers[q] - centers[k]).norm();
-        let mut others: Vec<usize> = (0..centers.len()).filter(|q| *q != k).collect();
-        others.sort_by(|x, y| far(*x).total_cmp(&far(*y)).then(x.cmp(y)));
-        edges.extend(others.iter().take(NEIGHBOURS).flat_map(|q| [(k, *q), (*q, k)]));
+        let others = (0..centers.len()).filter(|q| *q != k);
+        let mut others: Vec<(f64, usize)> =
+            others.map(|q| ((centers[q] - centers[k]).norm(), q)).collect();
+        if others.len() > NEIGHBOURS {
+            others
+                .select_nth_unstable_by(NEIGHBOURS, |x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+            others.truncate(NEIGHBOURS);
+        }
+        edges.extend(others.into_iter().flat_map(|(_, q)| [(k, q), (q, k)]));
     }
     for (k, q) in edges {
         let far = (centers[q] - centers[k]).norm().max(1.0);
@@ -283,15 +294,23 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
 /// The free cells that lie at least [`CLEAR`] deep in free space, thinned to [`MAX_FLOOR`].
 fn open_floor(grid: &OccupancyGrid, ground: &Ground) -> ClassCells {
     let clear = (CLEAR / grid.resolution()).max(2.0).powi(2).min(250.0) as u8;
-    let open: Vec<usize> =
-        (0..grid.cells().len()).filter(|i| ground.depth_squared(*i) >= clear).collect();
-    let kept = open.len().min(MAX_FLOOR);
-    let of = |k: usize| open[k * open.len() / kept];
     let (w, cell) = (grid.width(), grid.resolution().powi(2));
-    ClassCells {
-        centers: (0..kept).map(|k| grid.cell_center(of(k) / w, of(k) % w)).collect(),
-        scale: if kept == 0 { 0.0 } else { open.len() as f64 / kept as f64 * cell },
+    let open_in = |row: usize| ground.deep(row * w..(row + 1) * w, clear);
+    let in_row: Vec<usize> = (0..grid.height()).map(|row| open_in(row).count()).collect();
+    let all: usize = in_row.iter().sum();
+    let kept = all.min(MAX_FLOOR);
+    let (mut centers, mut before) = (Vec::with_capacity(kept), 0);
+    for (row, open) in in_row.into_iter().enumerate() {
+        // The k-th that is kept is number k * all / kept of all.
+        let wanted = |k: usize| (k * all / kept).checked_sub(before).filter(|n| *n < open);
+        let mut cols = open_in(row).enumerate();
+        while let Some(n) = (centers.len() < kept).then(|| wanted(centers.len())).flatten() {
+            let (_, col) = cols.find(|(at, _)| *at == n).expect("as many as were counted");
+            centers.push(grid.cell_center(row, col));
+        }
+        before += open;
     }
+    ClassCells { centers, scale: if kept == 0 { 0.0 } else { all as f64 / kept as f64 * cell } }
 }
 
 /// Thins the boundary to a spacing and shares out the evidence: neighbouring wall points are
@@ -311,7 +330,7 @@ fn sample_walls(
     }
     let to_grid = grid.locator();
     let per_bucket = spacing / grid.resolution();
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = FxHashSet::default();
     let mut picked: Vec<usize> = Vec::new();
     for (k, b) in boundary.iter().enumerate() {
         let at = to_grid.to_cells(b.position) / per_bucket;
@@ -320,8 +339,10 @@ fn sample_walls(
             picked.push(k);
         }
     }
-    let mut count: HashMap<usize, usize> = HashMap::new();
-    picked.iter().for_each(|k| *count.entry(line_of[*k]).or_default() += 1);
+    let mut count = vec![0u32; lines.len()];
+    for k in &picked {
+        count.get_mut(line_of[*k]).into_iter().for_each(|n| *n += 1);
+    }
     picked
         .iter()
         .map(|k| {
@@ -330,7 +351,7 @@ fn sample_walls(
                 Some(line) => {
                     let units = line.length() / p.correlation_length;
                     let units = if units > 1.0 { 1.0 + units.ln() } else { units };
-                    units / count[&line_of[*k]] as f64
+                    units / f64::from(count[line_of[*k]])
                 }
                 None => spacing / p.correlation_length,
             };

@@ -245,7 +245,7 @@ fn each_match(
 ) {
     let view = to.field_view(t_to_from);
     for s in samples.iter().map(|k| &from.samples[*k as usize]) {
-        let Some(k) = view.cell(s.position).and_then(|c| view.nearest(c, s.normal)) else {
+        let Some(k) = view.nearest(s.position, s.normal) else {
             continue;
         };
         let wall = &to.boundary[k];

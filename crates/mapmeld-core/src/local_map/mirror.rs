@@ -93,7 +93,7 @@ impl LocalMap {
             ..*s
         };
         let patch = |p: &Patch| Patch { center: mirror.point(p.center), ..p.clone() };
-        let field = self.field.mirrored(columns, mirror.width);
+        let field = self.field.mirrored(mirror.width);
         let ground = self.ground.mirrored(columns);
         Self {
             coarse: CoarseTable::new(&grid, &boundary, &field, &ground),

@@ -126,9 +126,7 @@ impl Overlay {
             .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
             .collect();
         let is_shown = |s: &crate::local_map::WallSample| {
-            views
-                .iter()
-                .any(|v| v.cell(s.position).is_some_and(|c| v.nearest(c, s.normal).is_some()))
+            views.iter().any(|v| v.nearest(s.position, s.normal).is_some())
         };
         let new_samples =
             (0..m.samples.len() as u32).filter(|k| !is_shown(&m.samples[*k as usize])).collect();

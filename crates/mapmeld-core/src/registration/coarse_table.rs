@@ -3,6 +3,7 @@
 
 use crate::blocks::{whole, Block, LANES};
 use crate::boundary::BoundaryPoint;
+use crate::catchment::MAX_REACH;
 use crate::grid::OccupancyGrid;
 use crate::ground::Ground;
 use crate::likelihood_field::{LikelihoodField, DIRECTIONS};
@@ -81,6 +82,12 @@ impl CoarseTable {
         let (width, height) = ((w / cell).ceil() as usize, (h / cell).ceil() as usize);
         let half = 0.5 * cell;
         let deep = ((DEPTH + half) / g.resolution()).powi(2).clamp(1.0, 250.0) as u8;
+        // Walls lie in the middle of their cells: their distances are known beforehand.
+        let value = |d2: usize| {
+            let r = ((d2 as f64).sqrt() * g.resolution() - half).max(0.0);
+            (SCORES.0 * (-(r / BLUR).powi(2)).exp2()).round() as i8
+        };
+        let values: Vec<i8> = (0..=MAX_REACH * MAX_REACH).map(value).collect();
         let mut cells = vec![[0; DIRECTIONS + 1]; width * height + 1];
         for row in 0..height {
             for col in 0..width {
@@ -97,14 +104,14 @@ impl CoarseTable {
                     false if ground.is_unknown(fine) => 0,
                     false => SCORES.1,
                 };
-                let center = g.cell_center(fine_row, fine_col);
                 for (d, agree) in agree.iter_mut().enumerate() {
                     let Some(k) = field.nearest(fine, d) else { continue };
-                    let r = ((boundary[k].position - center).norm() - half).max(0.0);
-                    let value = SCORES.0 * (-(r / BLUR).powi(2)).exp2();
+                    let wall = boundary[k].cell as usize;
+                    let rows = (wall / g.width()).abs_diff(fine_row);
+                    let cols = (wall % g.width()).abs_diff(fine_col);
                     // Agreement takes the place of what the cell says of strangers.
-                    let value = value.round() as i8 - (*contradict).max(SCORES.1);
-                    *agree = value.max(0);
+                    *agree =
+                        (values[rows * rows + cols * cols] - (*contradict).max(SCORES.1)).max(0);
                 }
             }
         }

@@ -48,11 +48,13 @@ pub fn fit(
         boundary[*b].straightness.total_cmp(&boundary[*a].straightness).then(a.cmp(b))
     });
     let mut lines = Vec::new();
+    // The last seed that looked at each point.
+    let mut seen_from = vec![u32::MAX; boundary.len()];
     for seed in seeds {
         if taken[seed] || boundary[seed].straightness < 0.8 {
             continue;
         }
-        let members = grow(grid, boundary, &index, &taken, seed, config);
+        let members = grow(grid, boundary, &index, (&taken, &mut seen_from), seed, config);
         if let Some(line) = finish(boundary, members, grid.resolution(), config) {
             line.points.iter().for_each(|k| taken[*k as usize] = true);
             lines.push(line);
@@ -84,14 +86,14 @@ fn grow(
     grid: &OccupancyGrid,
     boundary: &[BoundaryPoint],
     index: &CellIndex,
-    taken: &[bool],
+    (taken, seen_from): (&[bool], &mut [u32]),
     seed: usize,
     config: &StructureConfig,
 ) -> Vec<u32> {
     // Wider than the final one: a slanted wall climbs in steps of a cell, which must not end the line.
     let tolerance = config.line_tolerance.max(1.5 * grid.resolution());
     let cos_tolerance = config.line_angle_tolerance.cos();
-    let mut seen = std::collections::HashSet::from([seed as u32]);
+    seen_from[seed] = seed as u32;
     let mut members = vec![seed as u32];
     let (mut centre, mut normal) = (boundary[seed].position, boundary[seed].normal);
     let mut refit_at = 8;
@@ -104,8 +106,9 @@ fn grow(
             if !taken[k]
                 && p.normal.dot(&normal) > cos_tolerance
                 && (p.position - centre).dot(&normal).abs() <= tolerance
-                && seen.insert(k as u32)
+                && seen_from[k] != seed as u32
             {
+                seen_from[k] = seed as u32;
                 members.push(k as u32);
             }
         });

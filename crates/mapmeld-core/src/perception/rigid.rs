@@ -46,6 +46,7 @@ impl Sum {
 }
 
 /// What so many samples of `from` say of `to`.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
 fn one_way(
     to: &LocalMap,
     from: &LocalMap,

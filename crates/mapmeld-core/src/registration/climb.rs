@@ -39,6 +39,12 @@ fn matches(
     }
 }
 
+/// What the walls of two maps pull at.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn pull_of(a: &LocalMap, b: &LocalMap, t_axes_axes: &Se2, samples: usize, pull: &mut Pull) {
+    matches(a, b, t_axes_axes, (samples, samples), |m| pull.add(&m));
+}
+
 /// Geman-McClure weight of a residual.
 #[inline(always)]
 pub fn robust_weight(residual: f64, scale: f64) -> f64 {
@@ -93,7 +99,7 @@ impl Climb {
         let ends = Ends { steps: self.steps, shorter: self.still * resolution };
         let finest = perception.climb_sigma.max(resolution);
         let top = ascend(start, center, (self.scale, finest), ends, |t, pull| {
-            matches(a, b, t, (self.samples, self.samples), |m| pull.add(&m));
+            pull_of(a, b, t, self.samples, pull);
         });
         Some(to_a.compose(&top?).compose(&from_b))
     }

@@ -125,33 +125,34 @@ impl CoarseTable {
         let cell = &self.cells[cell];
         (f32::from(cell[octant]), f32::from(cell[DIRECTIONS]))
     }
+}
 
-    /// Score of some of another map's samples at a pose of its axes in this grid's.
-    pub fn score(&self, samples: &[Block], axes: &Axes) -> f32 {
-        let per_metre = (1.0 / self.cell) as f32;
-        let (width, height) = (self.width as f32, self.height as f32);
-        let (columns, outside) = (self.width as i32, (self.cells.len() - 1) as i32);
-        let mut score = [0.0; LANES];
-        for s in samples {
-            // Where they lie first, all at once; then what the cells there say.
-            let mut cells = [0i32; LANES];
-            for (k, at) in cells.iter_mut().enumerate() {
-                let (x, y) = axes.apply(s.x[k], s.y[k]);
-                let (u, v) = (x * per_metre, y * per_metre);
-                let is_inside = (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height);
-                let cell = whole(v).wrapping_mul(columns).wrapping_add(whole(u));
-                *at = if is_inside { cell } else { outside };
-            }
-            let (mut agree, mut contradict) = ([0.0; LANES], [0.0; LANES]);
-            for (k, cell) in cells.into_iter().enumerate() {
-                (agree[k], contradict[k]) = self.at(axes.octant(s.direction[k]), cell as usize);
-            }
-            for k in 0..LANES {
-                score[k] += s.weight[k] * agree[k] + s.conflict_weight[k] * contradict[k];
-            }
+/// Score of some of another map's samples at a pose of its axes in this grid's.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+pub fn score(table: &CoarseTable, samples: &[Block], axes: &Axes) -> f32 {
+    let per_metre = (1.0 / table.cell) as f32;
+    let (width, height) = (table.width as f32, table.height as f32);
+    let (columns, outside) = (table.width as i32, (table.cells.len() - 1) as i32);
+    let mut score = [0.0; LANES];
+    for s in samples {
+        // Where they lie first, all at once; then what the cells there say.
+        let mut cells = [0i32; LANES];
+        for (k, at) in cells.iter_mut().enumerate() {
+            let (x, y) = axes.apply(s.x[k], s.y[k]);
+            let (u, v) = (x * per_metre, y * per_metre);
+            let is_inside = (u >= 0.0) & (v >= 0.0) & (u < width) & (v < height);
+            let cell = whole(v).wrapping_mul(columns).wrapping_add(whole(u));
+            *at = if is_inside { cell } else { outside };
         }
-        score.iter().sum()
+        let (mut agree, mut contradict) = ([0.0; LANES], [0.0; LANES]);
+        for (k, cell) in cells.into_iter().enumerate() {
+            (agree[k], contradict[k]) = table.at(axes.octant(s.direction[k]), cell as usize);
+        }
+        for k in 0..LANES {
+            score[k] += s.weight[k] * agree[k] + s.conflict_weight[k] * contradict[k];
+        }
     }
+    score.iter().sum()
 }
 
 impl Wide {

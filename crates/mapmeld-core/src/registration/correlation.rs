@@ -288,6 +288,7 @@ impl Shifts {
 }
 
 /// Adds the runs of a table, each value so many times, to the scores of the shifts at which a bin meets them.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
 fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i16) {
     for run in runs {
         let (at, len) = (run.at as usize, run.len as usize);
@@ -301,6 +302,7 @@ fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i
 }
 
 /// Values and indices of the highest local maxima of a table that are above zero.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
 fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
     let mut tops: Vec<(i16, usize)> = Vec::new();
     for row in 1..h.saturating_sub(1) {

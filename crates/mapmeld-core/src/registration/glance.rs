@@ -3,6 +3,7 @@
 use crate::blocks::LANES;
 use crate::local_map::LocalMap;
 use crate::probe::Axes;
+use crate::registration::coarse_table;
 use crate::se2::{Rigid, Se2};
 
 /// Most samples of a map that a look asks.
@@ -74,7 +75,7 @@ impl<'a> Glance<'a> {
         let blocks = blocks.max(look.asked);
         look.score = 0.0;
         for ((to, of, axes), said) in sides.into_iter().zip(&mut look.said) {
-            *said += to.coarse.score(of.blocks.range(look.asked, blocks), axes);
+            *said += coarse_table::score(&to.coarse, of.blocks.range(look.asked, blocks), axes);
             // What was asked stands for all.
             let all = of.blocks.probes();
             look.score += *said * all as f32 / all.min(blocks * LANES).max(1) as f32;

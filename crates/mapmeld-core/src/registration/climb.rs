@@ -66,8 +66,11 @@ pub fn wide(a: &LocalMap, b: &LocalMap) -> f64 {
     0.5 * a.reach().min(b.reach())
 }
 
+/// Steps that are no shorter than the one before, after which a climb goes to and fro between cells.
+const MOST_TO_AND_FRO: usize = 3;
+
 /// Steps shorter than this, in cells, lead nowhere any more.
-pub const STILL: f64 = 0.02;
+pub const STILL: f64 = 0.06;
 
 /// How a climb from a candidate is done: point-to-line steps under a robust kernel that narrows to the walls' own
 /// noise.
@@ -167,6 +170,7 @@ fn ascend(
 ) -> Option<Se2> {
     let mut scale = wide.max(finest);
     let mut t = start;
+    let (mut last, mut to_and_fro) = (f64::INFINITY, 0);
     for _ in 0..ends.steps {
         let pivot = t.apply(center);
         let mut pull = Pull::new(pivot, scale);
@@ -180,9 +184,13 @@ fn ascend(
         let moved = step.xy().norm() + 5.0 * step.z.abs();
         if scale > finest {
             scale = (0.7 * scale).max(finest);
-        } else if moved < ends.shorter {
+            continue;
+        }
+        to_and_fro += usize::from(moved >= last);
+        if moved < ends.shorter || to_and_fro == MOST_TO_AND_FRO {
             break;
         }
+        last = moved;
     }
     Some(t)
 }

@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -10.239, 0.257, -1.105, -0.680, 0.900, -0.789, -0.634, 1.753, 1.801, 2.349,
-            -6.207, -3.191, 1.160, -0.877, 1.310, -23.746,
+            -10.432, 0.157, -1.044, -0.674, 0.905, -0.855, -0.495, 1.876, 1.777, 2.158,
+            -6.613, -3.331, 1.190, -0.831, 1.465, -21.061,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

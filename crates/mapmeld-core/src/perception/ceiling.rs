@@ -4,15 +4,14 @@
 //! speaks against the pose only where it lies so deep in clear free space that it is a full conflict. Bending may take
 //! some of these out of there: the softer maps are, the less such a wall says. An estimate, from few of the samples.
 
-use crate::blocks::{self, LANES};
+use crate::blocks::{self, Block, LANES};
 use crate::config::PerceptionConfig;
 use crate::perception::placed::Placed;
 use crate::probe::axes_of;
-use crate::se2::Se2;
 use crate::vicinity::Outline;
 
-/// Of the wall samples every so manieth is asked.
-const STRIDE: usize = 3;
+/// Wall samples of a map that are asked, about.
+const ASKED: usize = 256;
 /// Drift, metres per square root of metre, up to which bending excuses next to nothing.
 const STIFF: f64 = 0.06;
 
@@ -30,52 +29,55 @@ pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> f64 {
     0.5 * (of(a, &outlines_a, b, &outlines_b) + of(b, &outlines_b, a, &outlines_a))
 }
 
+/// The most that the walls of one map may say of others, nats, about, which say as much of it: what there is no need to
+/// ask of each of them.
+pub fn of(from: &Placed, others: &[Placed], config: &PerceptionConfig) -> f64 {
+    let outline = from.outline();
+    let near = others.iter().filter(|o| o.outline().is_near(&outline, 0.0));
+    one_way(from, &near.collect::<Vec<_>>(), config)
+}
+
 /// The most that the samples of one map may say of others.
 fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 {
     if others.is_empty() {
         return 0.0;
     }
-    let axes = |o: &&Placed| {
+    let views = others.iter().map(|o| {
         let t = o.t_world_map.between(&from.t_world_map);
-        axes_of(&o.map.grid, &from.map.grid, &t)
-    };
-    let axes: Vec<Se2> = others.iter().map(axes).collect();
-    let views = others.iter().zip(&axes).map(|(o, t)| (o.map, t.to_rigid(), o.map.probe_view(t)));
+        (&o.map.ground, o.map.probe_view(&axes_of(&o.map.grid, &from.map.grid, &t)))
+    });
     let views: Vec<_> = views.collect();
-    let mut is_asked = vec![from.samples.is_none(); from.map.samples.len()];
-    from.samples.unwrap_or_default().iter().for_each(|k| is_asked[*k as usize] = true);
-    let to_own_axes = from.map.grid.origin().inverse().to_rigid();
+    let some: Vec<Block>;
+    let (asked, share) = match from.samples {
+        None => (from.map.blocks.first(ASKED), from.map.blocks.share(ASKED)),
+        Some(samples) => {
+            let step = samples.len().div_ceil(ASKED).max(1);
+            let probes = samples.iter().step_by(step).map(|k| &from.map.probes[*k as usize]);
+            some = blocks::of(probes);
+            (some.as_slice(), step as f64)
+        }
+    };
     let firmness = (STIFF / config.bend_shift).min(1.0);
     let excuses = [config.conflict, config.straight_conflict].map(|c| c * firmness);
     let mut sum = 0.0;
-    for patch in &from.map.patches {
-        let center = to_own_axes.apply(patch.center);
-        let near = views.iter().filter(|(map, t, _)| map.reaches(t.apply(center), patch.radius));
-        let near: Vec<_> = near.collect();
-        if near.is_empty() {
-            continue;
+    for block in asked {
+        let (mut hits, mut conflicts) = ([0.0; LANES], [0.0; LANES]);
+        for (ground, view) in &views {
+            let seen = view.see(block);
+            let walls = view.walls(&seen, 0);
+            for k in 0..LANES {
+                let is_full = ground.conflict(seen.cell[k] as usize) >= 1.0;
+                let is_there = walls.is_there(k);
+                hits[k] += f64::from(u8::from(is_there));
+                conflicts[k] += f64::from(u8::from(!is_there && is_full));
+            }
         }
-        let asked = patch.samples.iter().filter(|k| is_asked[**k as usize]).step_by(STRIDE);
-        let asked = asked.map(|k| &from.map.probes[*k as usize]);
-        for block in blocks::of(asked) {
-            let (mut hits, mut conflicts) = ([0.0; LANES], [0.0; LANES]);
-            for (map, _, view) in &near {
-                let seen = view.see(&block);
-                let walls = view.walls(&seen, 0);
-                for k in 0..LANES {
-                    let is_full = map.ground.conflict(seen.cell[k] as usize) >= 1.0;
-                    let is_there = walls.is_there(k);
-                    hits[k] += f64::from(u8::from(is_there));
-                    conflicts[k] += f64::from(u8::from(!is_there && is_full));
-                }
-            }
-            for k in (0..LANES).filter(|k| hits[*k] + conflicts[*k] > 0.0) {
-                let excuse = excuses[usize::from(block.straight[k])];
-                let against = conflicts[k] * f64::from(block.conflict_weight[k]) * excuse;
-                let agreed = hits[k] * config.hit * f64::from(block.weight[k]);
-                sum += (agreed + against) / (hits[k] + conflicts[k]);
-            }
+        for k in (0..LANES).filter(|k| hits[*k] + conflicts[*k] > 0.0) {
+            let excuse = excuses[usize::from(block.straight[k])];
+            let against = conflicts[k] * f64::from(block.conflict_weight[k]) * excuse;
+            let agreed = hits[k] * config.hit * f64::from(block.weight[k]);
+            sum += (agreed + against) / (hits[k] + conflicts[k]);
         }
     }
-    STRIDE as f64 * sum
+    share * sum
 }

@@ -80,7 +80,7 @@ fn decoys(
         shortlist: config.registration.decoy_shortlist,
         modes: 1,
         stories: 1,
-        rotations: 2,
+        rotations: correlation::ROTATIONS / 2,
         has_structures: false,
         least: modes.iter().map(|m| NEGLIGIBLE * most(m)).collect(),
     };

@@ -32,12 +32,14 @@ const PROMISING: f32 = 0.9;
 /// Share of the best score in finer cells that another peak must reach in wide ones to be scored in finer ones, too:
 /// it reaches less there.
 const RIVAL: f32 = 0.5;
+/// How many times less than the highest a peak may be.
+const FAR_BELOW: i16 = 4;
 /// Most bins and shifts whose memory is kept from pair to pair.
 const MOST_KEPT: usize = 2 << 20;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
 /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
-const STEPS: f64 = 2.0;
+const STEPS: f64 = 1.0;
 /// Steps that a bin's contradiction is told in: it is spread wider than agreement is.
 const CONTRADICTION: f32 = 4.0;
 
@@ -241,9 +243,8 @@ impl Shifts {
             return Vec::new();
         }
         let area = rows * cols;
-        self.bins.clear();
-        self.bins.resize(area * (DIRECTIONS + 1), 0.0);
-        self.filled.iter_mut().for_each(Vec::clear);
+        // All that are kept are empty.
+        self.bins.resize(self.bins.len().max(area * (DIRECTIONS + 1)), 0.0);
         let mut total = 0.0;
         for p in &b.probes {
             let at = (p.row / 2) as usize * cols + (p.col / 2) as usize;
@@ -262,12 +263,12 @@ impl Shifts {
         self.scores.clear();
         // Runs are padded, beyond the end too.
         self.scores.resize(w * h + RUN, 0);
-        for (table, filled) in self.filled.iter().enumerate() {
+        for (table, filled) in self.filled.iter_mut().enumerate() {
             let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
             // What rounding takes from one bin it gives to the next.
             let mut carry = 0.0;
-            for at in filled.iter().map(|at| *at as usize) {
-                carry += self.bins[table * area + at] * steps;
+            for at in filled.drain(..).map(|at| at as usize) {
+                carry += std::mem::take(&mut self.bins[table * area + at]) * steps;
                 let weight = ((carry / unit) as i32).min(1000) as f32 * unit;
                 carry -= weight;
                 if weight < 1.0 {
@@ -301,22 +302,24 @@ fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i
     }
 }
 
-/// Values and indices of the highest local maxima of a table that are above zero.
+/// Values and indices of the highest local maxima of a table, as far as they come near the highest of all.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
+    let most = table.iter().fold(0, |most, v| most.max(*v));
+    let least = (most / FAR_BELOW).max(1);
     let mut tops: Vec<(i16, usize)> = Vec::new();
     for row in 1..h.saturating_sub(1) {
         let line = row * w..(row + 1) * w;
-        // Most of the table is below zero: that is seen at a glance.
+        // Most of the table is lower: that is seen at a glance.
         for (chunk, some) in table[line].chunks(RUN).enumerate() {
-            if some.iter().fold(0, |most, v| most.max(*v)) == 0 {
+            if some.iter().fold(0, |most, v| most.max(*v)) < least {
                 continue;
             }
             let from = chunk * RUN;
             for col in from.max(1)..(from + some.len()).min(w - 1) {
                 let v = table[row * w + col];
-                let is_top =
-                    v > 0 && (0..9).all(|k| table[(row + k / 3 - 1) * w + col + k % 3 - 1] <= v);
+                let is_top = v >= least
+                    && (0..9).all(|k| table[(row + k / 3 - 1) * w + col + k % 3 - 1] <= v);
                 if is_top {
                     tops.push((v, row * w + col));
                 }

@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -10.432, 0.157, -1.044, -0.674, 0.905, -0.855, -0.495, 1.876, 1.777, 2.158,
-            -6.613, -3.331, 1.190, -0.831, 1.465, -21.061,
+            -10.228, 0.213, -1.085, -0.649, 0.895, -0.842, -0.553, 1.796, 1.807, 2.265,
+            -6.117, -3.234, 1.218, -0.857, 1.269, -23.626,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

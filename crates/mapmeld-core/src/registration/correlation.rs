@@ -39,7 +39,7 @@ const MOST_KEPT: usize = 2 << 20;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
 /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
-const STEPS: f64 = 1.0;
+const STEPS: f64 = 2.0;
 /// Steps that a bin's contradiction is told in: it is spread wider than agreement is.
 const CONTRADICTION: f32 = 4.0;
 

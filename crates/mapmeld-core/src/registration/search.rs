@@ -31,7 +31,7 @@ const FIRST_STEPS: usize = 4;
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
 /// does it make the best any less sure.
 const RIVAL: f64 = 0.5;
-/// Log-likelihood from which the best is held against the others, nats: below it all are chance's.
+/// Log-likelihood of the best, nats, below which others may lie as far behind it as there.
 const TELLING: f64 = 20.0;
 /// Share of the log-likelihood that matters at all which a pose must have for it to be followed any further.
 const MAY_RISE: f64 = 0.5;
@@ -242,7 +242,7 @@ impl<'s> Search<'s> {
         let (least, apart) = (self.effort.least[rung], registration::apart(&self.rungs[rung]));
         let scored = self.distinct(scored, usize::MAX);
         let most = scored.first().map_or(0.0, |(l, _)| *l);
-        let bar = if most > TELLING { RIVAL * most } else { f64::NEG_INFINITY };
+        let bar = most - (1.0 - RIVAL) * most.max(TELLING);
         let bar = bar.max(least);
         let mut kept: Vec<Scored> = Vec::new();
         for (l, c) in scored {
@@ -333,8 +333,10 @@ mod tests {
         assert_eq!(rivals(&some, 6, 3, none), [0.0, 5.0, 0.3, 7.0]);
         assert_eq!(rivals(&some, 1, 1, none), [0.0]);
         assert_eq!(rivals(&some, 1, 2, none), [0.0, 5.0]);
-        // A best that is no better than chance is held against nobody.
-        assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0), (9.0, -3.0)], 6, 1, none), [0.0, 5.0, 9.0]);
+        // Of a best that chance may reach none may lie behind by more than of one that it may not.
+        let low = [(0.0, 15.0), (5.0, 6.0), (9.0, 4.0), (13.0, -30.0)];
+        assert_eq!(rivals(&low, 6, 1, none), [0.0, 5.0]);
+        assert_eq!(rivals(&low, 6, 4, none), [0.0, 5.0, 9.0, 13.0]);
         assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0)], 6, 1, 4.0), [0.0]);
         // Of one story no more than are asked for.
         let one_story = [0.0, 0.21, -0.21, 0.42, -0.42].map(|x| (x, 9.0));

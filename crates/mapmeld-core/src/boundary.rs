@@ -158,6 +158,7 @@ impl CellIndex {
         let mut first: Vec<u32> = Vec::with_capacity(all);
         let mut points = 0;
         for cell in cells {
+            debug_assert!(cell as usize + 1 >= first.len(), "points must come ordered by cell");
             first.resize(first.len().max(cell as usize + 1), points);
             points += 1;
         }

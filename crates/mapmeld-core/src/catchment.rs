@@ -32,7 +32,7 @@ impl Catchment {
     }
 }
 
-/// The catchments of points with a neighbour, from which those of points with many are cut out.
+/// The cells that a point keeps beside one neighbour, at each place that may have one, and those of a point alone.
 pub struct Catchments {
     alone: Catchment,
     beside: [[Catchment; SIDE]; SIDE],
@@ -72,7 +72,7 @@ impl Catchments {
         self.alone
     }
 
-    /// Leaves what lies nearer to a neighbour, so many rows and columns on, to it.
+    /// Cedes what lies nearer to a neighbour, which lies so many rows and columns on.
     pub fn cede(&self, own: &mut Catchment, rows: isize, cols: isize) {
         own.cut(&self.beside[(rows + AROUND) as usize][(cols + AROUND) as usize]);
     }

@@ -28,8 +28,7 @@ pub mod blocks;
 pub mod boundary;
 pub mod cache;
 pub mod canonical;
-pub mod catchment;
-
+mod catchment;
 pub mod cluster;
 pub mod config;
 pub mod distance;

@@ -4,11 +4,13 @@
 //! direction of walls: for every cell and each of eight directions it holds the nearest wall point
 //! whose normal agrees.
 
-use crate::blocks::{self, Block, LANES};
+mod probe_view;
+
+pub use probe_view::{ProbeView, Seen, Walls};
+
 use crate::boundary::{BoundaryPoint, CellIndex};
 use crate::catchment::{self, Catchments, MAX_REACH};
 use crate::grid::{Locator, OccupancyGrid};
-use crate::probe::Axes;
 use crate::se2::{Se2, Vec2};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -92,13 +94,14 @@ fn agreeing(n: Vec2) -> u8 {
 }
 
 impl LikelihoodField {
-    /// Makes the field with a reach of `reach` cells. At most 65534 points can be held.
+    /// Makes the field with a reach of `reach` cells. At most 65534 points can be held; they come ordered by cell.
     pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
         assert!(boundary.len() < usize::from(u16::MAX), "boundary must be thinned first");
         let (w, h) = (grid.width(), grid.height());
         let mut nearest = vec![[boundary.len() as u16; DIRECTIONS]; w * h + 1];
         // Points come row by row, so that few rows are open at a time, which stay in the near cache.
-        let mut squared = vec![[u8::MAX; DIRECTIONS]; OPEN_ROWS * w];
+        let open_rows = OPEN_ROWS.min(h);
+        let mut squared = vec![[u8::MAX; DIRECTIONS]; open_rows * w];
         let mut opened = 0;
         let to_grid = grid.locator();
         let agreeing: Vec<u8> =
@@ -110,8 +113,8 @@ impl LikelihoodField {
         let index = CellIndex::new(grid, boundary.iter().map(|p| p.cell));
         for (k, p) in boundary.iter().enumerate() {
             let (row, col) = places[k];
-            while opened <= row as usize + MAX_REACH {
-                squared[opened % OPEN_ROWS * w..][..w].fill([u8::MAX; DIRECTIONS]);
+            while opened <= (row as usize + MAX_REACH).min(h - 1) {
+                squared[opened % open_rows * w..][..w].fill([u8::MAX; DIRECTIONS]);
                 opened += 1;
             }
             // Who agrees wherever this one does takes all cells that lie nearer to it.
@@ -126,7 +129,7 @@ impl LikelihoodField {
                 if !(0..h as isize).contains(&at) {
                     continue;
                 }
-                let squared = &mut squared[at as usize % OPEN_ROWS * w..][..w];
+                let squared = &mut squared[at as usize % open_rows * w..][..w];
                 let nearest = &mut nearest[at as usize * w..][..w];
                 for at in (col + from).max(0)..=(col + to).min(w as isize - 1) {
                     let d2 = (dr * dr + (at - col) * (at - col)) as u8;
@@ -165,12 +168,14 @@ impl LikelihoodField {
     }
 
     /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
-    /// a cell; none within reach.
+    /// a cell of the grid; none within reach.
     #[inline(always)]
     pub fn nearest(&self, cell: usize, direction: usize) -> Option<usize> {
-        let (row, col) = (cell / self.columns, cell % self.columns);
         let (cell, direction) = match self.is_turned {
-            true => ((row + 1) * self.columns - 1 - col, turned(direction)),
+            true => {
+                let (row, col) = (cell / self.columns, cell % self.columns);
+                ((row + 1) * self.columns - 1 - col, turned(direction))
+            }
             false => (cell, direction),
         };
         let k = usize::from(self.nearest[cell][direction]);
@@ -199,150 +204,6 @@ impl<'a> FieldView<'a> {
     }
 }
 
-/// Looks another map's probes up in a field.
-#[derive(Clone, Copy)]
-pub struct ProbeView<'a> {
-    field: &'a LikelihoodField,
-    axes: Axes,
-    per_metre: f32,
-    width: f32,
-    height: f32,
-    columns: i32,
-    /// Index of the cell beyond the last.
-    outside: u32,
-    /// From the index of a row's first cell to where the field tells of it, and from there to the next cell.
-    first: i32,
-    step: i32,
-    /// What the field's directions are counted from, and which way.
-    octant: u8,
-    octant_step: u8,
-}
-
-/// Where the probes of a block came to lie.
-pub struct Seen {
-    /// In the grid's axes, metres.
-    pub x: [f32; LANES],
-    /// The same.
-    pub y: [f32; LANES],
-    /// Indices of the grid's cells, row by row; one beyond the last for what lies outside the grid.
-    pub cell: [u32; LANES],
-    /// Where the field tells of these cells, and of the directions of their normals.
-    place: [u32; LANES],
-    octant: [u8; LANES],
-}
-
-/// The walls that are near the probes of a block; without a normal where there is none.
-pub struct Walls {
-    /// In the grid's axes, metres.
-    pub x: [f32; LANES],
-    /// The same.
-    pub y: [f32; LANES],
-    /// Unit normals into free space.
-    pub nx: [f32; LANES],
-    /// The same.
-    pub ny: [f32; LANES],
-}
-
-impl<'a> ProbeView<'a> {
-    /// A view of the field of a grid from the axes of another one.
-    pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, t_axes_axes: &Se2) -> Self {
-        Self {
-            field,
-            axes: Axes::new(t_axes_axes),
-            per_metre: (1.0 / grid.resolution()) as f32,
-            width: grid.width() as f32,
-            height: grid.height() as f32,
-            columns: grid.width() as i32,
-            outside: grid.cells().len() as u32,
-            first: if field.is_turned { grid.width() as i32 - 1 } else { 0 },
-            step: if field.is_turned { -1 } else { 1 },
-            octant: if field.is_turned { turned(0) as u8 } else { 0 },
-            octant_step: if field.is_turned { u8::MAX } else { 1 },
-        }
-    }
-
-    /// Where probes lie.
-    #[inline(always)]
-    pub fn see(&self, block: &Block) -> Seen {
-        let (zero, none) = ([0.0; LANES], [0; LANES]);
-        let mut seen = Seen { x: zero, y: zero, cell: none, place: none, octant: [0; LANES] };
-        for k in 0..LANES {
-            let (x, y) = self.axes.apply(block.x[k], block.y[k]);
-            (seen.x[k], seen.y[k]) = (x, y);
-            let (u, v) = (x * self.per_metre, y * self.per_metre);
-            let is_inside = (u >= 0.0) & (v >= 0.0) & (u < self.width) & (v < self.height);
-            let (row, col) = (blocks::whole(v), blocks::whole(u));
-            let row = row.wrapping_mul(self.columns);
-            let cell = row.wrapping_add(col);
-            let place = row.wrapping_add(self.first).wrapping_add(col.wrapping_mul(self.step));
-            seen.cell[k] = if is_inside { cell as u32 } else { self.outside };
-            seen.place[k] = if is_inside { place as u32 } else { self.outside };
-        }
-        for (octant, direction) in seen.octant.iter_mut().zip(block.direction) {
-            let there = self.axes.octant(direction) as u8;
-            *octant = self.octant.wrapping_add(there.wrapping_mul(self.octant_step));
-        }
-        seen
-    }
-
-    /// The nearest walls that are oriented like what lies there, or, turned by half a turn, against it.
-    #[inline(always)]
-    pub fn walls(&self, seen: &Seen, half_turns: usize) -> Walls {
-        // All indices first: none of these loads waits for another.
-        let mut nearest = [0u16; LANES];
-        for (k, nearest) in nearest.iter_mut().enumerate() {
-            let octant = (usize::from(seen.octant[k]) + half_turns * DIRECTIONS / 2) % DIRECTIONS;
-            *nearest = self.field.nearest[seen.place[k] as usize][octant];
-        }
-        let mut walls = Walls::none();
-        for (k, nearest) in nearest.into_iter().enumerate() {
-            let wall = &self.field.walls[usize::from(nearest)];
-            (walls.x[k], walls.y[k]) = (wall.x, wall.y);
-            (walls.nx[k], walls.ny[k]) = (wall.nx, wall.ny);
-        }
-        walls
-    }
-}
-
-impl Walls {
-    /// Squared distances of what was seen, square metres, infinite where there is no wall; so much along a wall costs nothing.
-    #[inline(always)]
-    pub fn squared(&self, seen: &Seen, slack: f32) -> [f32; LANES] {
-        let mut found = [f32::INFINITY; LANES];
-        for (k, found) in found.iter_mut().enumerate() {
-            let (dx, dy) = (seen.x[k] - self.x[k], seen.y[k] - self.y[k]);
-            let across = dx * self.nx[k] + dy * self.ny[k];
-            let along = (dx * self.ny[k] - dy * self.nx[k]).abs() - slack;
-            let along = if along > 0.0 { along } else { 0.0 };
-            let squared = across * across + along * along;
-            *found = if self.is_there(k) { squared } else { *found };
-        }
-        found
-    }
-
-    /// How far what was seen lies from the walls along their normals, metres; zero where there is no wall.
-    #[inline(always)]
-    pub fn residuals(&self, seen: &Seen) -> [f32; LANES] {
-        let mut found = [0.0; LANES];
-        for (k, found) in found.iter_mut().enumerate() {
-            let (dx, dy) = (seen.x[k] - self.x[k], seen.y[k] - self.y[k]);
-            *found = dx * self.nx[k] + dy * self.ny[k];
-        }
-        found
-    }
-
-    fn none() -> Self {
-        let zero = [0.0; LANES];
-        Self { x: zero, y: zero, nx: zero, ny: zero }
-    }
-
-    /// Whether there is one.
-    #[inline(always)]
-    pub fn is_there(&self, lane: usize) -> bool {
-        self.nx[lane] * self.nx[lane] + self.ny[lane] * self.ny[lane] > 0.5
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -357,29 +218,35 @@ mod tests {
         }
     }
 
-    /// A slanted wall seen from both sides, an upright one, and points here and there with normals of their own.
+    /// A slanted wall seen from both sides, an upright one, and points here and there with normals of their own; in
+    /// the middle of a large grid there is nothing.
     #[test]
     fn holds_the_nearest_agreeing_point() {
+        for (w, h, reach) in [(30, 25, 6), (40, 110, 3), (40, 110, 15), (1, 40, 15), (40, 1, 7)] {
+            holds_the_nearest(w, h, reach);
+        }
+    }
+
+    fn holds_the_nearest(w: usize, h: usize, reach: usize) {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(3);
-        let (w, h) = (30, 25);
         let grid =
             OccupancyGrid::new("g", w, h, 0.1, Se2::new(1.0, 2.0, 0.3), vec![0; w * h]).unwrap();
         let slanted =
-            (2..28).flat_map(|x| [(x + w * (5 + x / 3), -1.2), (x + w * (5 + x / 3), 1.94)]);
-        let upright = (3..20).map(|y| (12 + w * y, 0.0));
+            (0..w).flat_map(|x| [(x + w * (x / 3 + 4), -1.2), (x + w * (x / 3 + 4), 1.94)]);
+        let upright = (3..h).map(|y| (w / 2 + w * y, 0.0));
         let strays = (0..25).map(|_| (rng.random_range(0..w * h), rng.random_range(0.0..TAU)));
-        let mut places: Vec<(usize, f64)> = slanted.chain(upright).chain(strays).collect();
+        let is_known = |cell: usize| cell < w * h && (h < 100 || !(40..80).contains(&(cell / w)));
+        let mut places: Vec<(usize, f64)> =
+            slanted.chain(upright).chain(strays).filter(|(cell, _)| is_known(*cell)).collect();
         places.sort_by_key(|(cell, _)| *cell);
-        let points: Vec<BoundaryPoint> = places
-            .into_iter()
-            .map(|(cell, a)| BoundaryPoint {
-                position: grid.cell_center(cell / w, cell % w),
-                normal: grid.origin().rotate(Vec2::new(a.cos(), a.sin())),
-                cell: cell as u32,
-                straightness: 1.0,
-            })
-            .collect();
-        let field = LikelihoodField::new(&grid, &points, 6);
+        let point = |(cell, a): (usize, f64)| BoundaryPoint {
+            position: grid.cell_center(cell / w, cell % w),
+            normal: grid.origin().rotate(Vec2::new(a.cos(), a.sin())),
+            cell: cell as u32,
+            straightness: 1.0,
+        };
+        let points: Vec<BoundaryPoint> = places.into_iter().map(point).collect();
+        let field = LikelihoodField::new(&grid, &points, reach);
         for cell in 0..w * h {
             let at = grid.cell_center(cell / w, cell % w);
             for d in 0..DIRECTIONS {
@@ -389,13 +256,13 @@ mod tests {
                     .iter()
                     .filter(|p| p.normal.dot(&axis) >= AGREE.cos())
                     .map(|p| (p.position - at).norm())
-                    .filter(|r| *r <= 0.6 + 1e-9)
+                    .filter(|r| *r <= 0.1 * reach as f64 + 1e-9)
                     .min_by(f64::total_cmp);
                 let got = field.nearest(cell, d).map(|k| (points[k].position - at).norm());
                 match (best, got) {
                     (Some(b), Some(g)) => assert!((b - g).abs() < 1e-9),
                     (None, None) => {}
-                    other => panic!("cell {cell} direction {d}: {other:?}"),
+                    other => panic!("{w} x {h}, cell {cell}, direction {d}: {other:?}"),
                 }
             }
         }

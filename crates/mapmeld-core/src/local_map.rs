@@ -250,7 +250,8 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
     let along =
         |axis: usize| move |x: &u32, y: &u32| at(x)[axis].total_cmp(&at(y)[axis]).then(x.cmp(y));
     // With the axis that they were split across last.
-    let mut todo: Vec<(usize, Vec<u32>)> = vec![(0, (0..samples.len() as u32).collect())];
+    let mut todo: Vec<(Option<usize>, Vec<u32>)> =
+        vec![(None, (0..samples.len() as u32).collect())];
     while let Some((split, mut some)) = todo.pop() {
         let Some(first) = some.first().map(at) else { continue };
         let (low, high) =
@@ -258,7 +259,9 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
         let span = high - low;
         if some.len() < 2 * PATCH_SAMPLES || span.max() < PATCH_SIZE {
             // Every so manieth of them lies evenly over the patch.
-            some.sort_unstable_by(along(split));
+            if let Some(axis) = split {
+                some.sort_unstable_by(along(axis));
+            }
             let sum = some.iter().map(at).fold(Vec2::zeros(), |a, b| a + b);
             let center = sum / some.len() as f64;
             let radius = some.iter().map(|k| (at(k) - center).norm()).fold(0.0, f64::max);
@@ -269,7 +272,7 @@ fn patches(samples: &[WallSample]) -> Vec<Patch> {
         let half = some.len() / 2;
         some.select_nth_unstable_by(half, along(axis));
         let half = some.split_off(half);
-        todo.extend([(axis, some), (axis, half)]);
+        todo.extend([(Some(axis), some), (Some(axis), half)]);
     }
     let centers: Vec<Vec2> = done.iter().map(|p: &Patch| p.center).collect();
     let mut edges = std::collections::BTreeSet::new();

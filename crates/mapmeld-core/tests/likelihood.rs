@@ -121,14 +121,16 @@ fn the_ceiling_tells_hopeless_poses() {
             let at = |map, t_world_map| [Placed { map, t_world_map, samples: None }];
             let (a, b) = (at(&a, Se2::IDENTITY), at(&b, t));
             let most = ceiling::between(&a, &b, &p);
+            let of_one = ceiling::of(&b[0], &a, &p);
             let said = placed::between(&a, &b, &p).log_likelihood;
             if said > 0.0 {
                 spoken_for += 1;
                 assert!(most > -5.0, "the walls say {said}, their ceiling is {most}");
+                assert!(of_one > -20.0, "the walls say {said}, those of one map {of_one}");
             }
             if said < -60.0 {
                 hopeless += 1;
-                told += usize::from(most < -20.0);
+                told += usize::from(most < -20.0 && of_one < -20.0);
             }
         }
     }

@@ -1,4 +1,5 @@
-//! The mirror image of a prepared map: its tables turned over, where to prepare it anew would cost as much as the map.
+//! The mirror image of a prepared map: its tables turned over or read backwards, where to prepare it anew would cost as
+//! much as the map.
 
 use crate::blocks::Blocks;
 use crate::boundary::BoundaryPoint;
@@ -123,9 +124,10 @@ impl LocalMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::blocks::LANES;
     use crate::config::Config;
     use crate::grid::{OccupancyGrid, UNKNOWN};
-    use crate::likelihood_field::DIRECTIONS;
+    use crate::likelihood_field::{Walls, DIRECTIONS};
 
     /// A room with an alcove, clutter and an unknown rim, like no mirror image of itself.
     fn room() -> OccupancyGrid {
@@ -167,6 +169,25 @@ mod tests {
                 }
             }
         }
+        // As thousands of poses ask the field.
+        let t = Se2::new(0.1, 0.05, 0.05);
+        let views = [&turned, &anew].map(|m| m.probe_view(&t));
+        let mut walls = 0;
+        for block in map.blocks.first(usize::MAX) {
+            let [x, y] = views.map(|v| v.see(block));
+            assert_eq!(x.cell, y.cell);
+            for half_turns in [0, 1] {
+                let [near_x, near_y] =
+                    [(&x, &views[0]), (&y, &views[1])].map(|(s, v)| v.walls(s, half_turns));
+                for k in 0..LANES {
+                    assert_eq!(near_x.is_there(k), near_y.is_there(k));
+                    walls += usize::from(near_x.is_there(k));
+                    let far = |w: &Walls| (w.x[k] - x.x[k]).hypot(w.y[k] - x.y[k]);
+                    assert!(!near_x.is_there(k) || (far(&near_x) - far(&near_y)).abs() < 1e-4);
+                }
+            }
+        }
+        assert!(walls > 100, "{walls} walls");
         for (of_one, of_other) in [(&turned, &anew), (&anew, &turned)] {
             assert!(!of_one.lines.is_empty() && !of_one.corners.is_empty());
             for l in &of_one.lines {

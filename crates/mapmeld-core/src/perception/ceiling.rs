@@ -29,8 +29,8 @@ pub fn between(a: &[Placed], b: &[Placed], config: &PerceptionConfig) -> f64 {
     0.5 * (of(a, &outlines_a, b, &outlines_b) + of(b, &outlines_b, a, &outlines_a))
 }
 
-/// The most that the walls of one map may say of others, nats, about, which say as much of it: what there is no need to
-/// ask of each of them.
+/// The same from the walls of one map alone, taking it that the others say as much: for less, and less if this one shows
+/// what the others do not.
 pub fn of(from: &Placed, others: &[Placed], config: &PerceptionConfig) -> f64 {
     let outline = from.outline();
     let near = others.iter().filter(|o| o.outline().is_near(&outline, 0.0));

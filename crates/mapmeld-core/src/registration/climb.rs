@@ -66,8 +66,10 @@ pub fn wide(a: &LocalMap, b: &LocalMap) -> f64 {
     0.5 * a.reach().min(b.reach())
 }
 
-/// Steps that are no shorter than the one before, after which a climb goes to and fro between cells.
+/// So many steps, in all, that go back on the one before end a climb: it goes to and fro between cells.
 const MOST_TO_AND_FRO: usize = 3;
+/// Metres that a turn of one radian moves walls by, about.
+const LEVER: f64 = 5.0;
 
 /// Steps shorter than this, in cells, lead nowhere any more.
 pub const STILL: f64 = 0.06;
@@ -170,7 +172,7 @@ fn ascend(
 ) -> Option<Se2> {
     let mut scale = wide.max(finest);
     let mut t = start;
-    let (mut last, mut to_and_fro) = (f64::INFINITY, 0);
+    let (mut last, mut to_and_fro) = (Vector3::zeros(), 0);
     for _ in 0..ends.steps {
         let pivot = t.apply(center);
         let mut pull = Pull::new(pivot, scale);
@@ -181,16 +183,17 @@ fn ascend(
         let step = -step_back(&pull);
         let turned = Se2::new(0.0, 0.0, step.z).rotate(t.translation() - pivot);
         t = Se2::from_parts(pivot + turned + step.xy(), t.theta + step.z);
-        let moved = step.xy().norm() + 5.0 * step.z.abs();
+        let moved = step.xy().norm() + LEVER * step.z.abs();
         if scale > finest {
             scale = (0.7 * scale).max(finest);
             continue;
         }
-        to_and_fro += usize::from(moved >= last);
+        let levers = Vector3::new(1.0, 1.0, LEVER * LEVER);
+        to_and_fro += usize::from(step.dot(&levers.component_mul(&last)) < 0.0);
         if moved < ends.shorter || to_and_fro == MOST_TO_AND_FRO {
             break;
         }
-        last = moved;
+        last = step;
     }
     Some(t)
 }
@@ -225,4 +228,39 @@ pub fn covariance(
     let [xx, xy, xt, yy, yt, tt] = h;
     let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
     h.try_inverse().expect("information holds a positive prior")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How many times a climb from x = 0.1 m asks for walls that pull back so many times as far as x, 50 times at most.
+    fn asked(back: f64) -> usize {
+        let asked = std::cell::Cell::new(0);
+        let ends = Ends { steps: 50, shorter: 1e-9 };
+        ascend(Se2::new(0.1, 0.0, 0.0), Vec2::zeros(), (0.0, 10.0), ends, |t, pull| {
+            asked.set(asked.get() + 1);
+            let mut m = Matches {
+                x: [0.0; LANES],
+                y: std::array::from_fn(|k| k as f32),
+                nx: [0.0; LANES],
+                ny: [0.0; LANES],
+                residual: [0.0; LANES],
+            };
+            for k in 0..LANES {
+                // Walls across x, and some across y that hold still.
+                (m.nx[k], m.ny[k]) = if k % 4 > 0 { (1.0, 0.0) } else { (0.0, 1.0) };
+                m.residual[k] = if k % 4 > 0 { (back * t.x) as f32 } else { 0.0 };
+            }
+            pull.add(&m);
+        });
+        asked.get()
+    }
+
+    #[test]
+    fn climbs_end_where_steps_go_to_and_fro_and_go_on_where_they_grow() {
+        assert_eq!(asked(2.0), 2 + MOST_TO_AND_FRO - 1);
+        assert_eq!(asked(-0.02), 50);
+        assert!(asked(0.5) < 50);
+    }
 }

@@ -32,7 +32,7 @@ const PROMISING: f32 = 0.9;
 /// Share of the best score in finer cells that another peak must reach in wide ones to be scored in finer ones, too:
 /// it reaches less there.
 const RIVAL: f32 = 0.5;
-/// How many times less than the highest a peak may be.
+/// A peak may be so many times lower than the highest.
 const FAR_BELOW: i16 = 4;
 /// Most bins and shifts whose memory is kept from pair to pair.
 const MOST_KEPT: usize = 2 << 20;
@@ -243,7 +243,7 @@ impl Shifts {
             return Vec::new();
         }
         let area = rows * cols;
-        // All that are kept are empty.
+        debug_assert!(self.bins.iter().all(|b| *b == 0.0), "each is emptied when it is added");
         self.bins.resize(self.bins.len().max(area * (DIRECTIONS + 1)), 0.0);
         let mut total = 0.0;
         for p in &b.probes {
@@ -305,7 +305,8 @@ fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i
 /// Values and indices of the highest local maxima of a table, as far as they come near the highest of all.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
-    let most = table.iter().fold(0, |most, v| most.max(*v));
+    let inner = |row: usize| table[row * w..(row + 1) * w].iter().take(w.max(1) - 1).skip(1);
+    let most = (1..h.max(1) - 1).flat_map(inner).fold(0, |most, v| most.max(*v));
     let least = (most / FAR_BELOW).max(1);
     let mut tops: Vec<(i16, usize)> = Vec::new();
     for row in 1..h.saturating_sub(1) {

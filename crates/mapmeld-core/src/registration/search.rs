@@ -31,7 +31,7 @@ const FIRST_STEPS: usize = 4;
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
 /// does it make the best any less sure.
 const RIVAL: f64 = 0.5;
-/// Log-likelihood of the best, nats, below which others may lie as far behind it as there.
+/// Where the best reaches less than this, nats, others may lie as far behind it as if it reached this.
 const TELLING: f64 = 20.0;
 /// Share of the log-likelihood that matters at all which a pose must have for it to be followed any further.
 const MAY_RISE: f64 = 0.5;
@@ -333,7 +333,7 @@ mod tests {
         assert_eq!(rivals(&some, 6, 3, none), [0.0, 5.0, 0.3, 7.0]);
         assert_eq!(rivals(&some, 1, 1, none), [0.0]);
         assert_eq!(rivals(&some, 1, 2, none), [0.0, 5.0]);
-        // Of a best that chance may reach none may lie behind by more than of one that it may not.
+        // Behind a low best, which chance may reach, lie ten nats, not half of it.
         let low = [(0.0, 15.0), (5.0, 6.0), (9.0, 4.0), (13.0, -30.0)];
         assert_eq!(rivals(&low, 6, 1, none), [0.0, 5.0]);
         assert_eq!(rivals(&low, 6, 4, none), [0.0, 5.0, 9.0, 13.0]);

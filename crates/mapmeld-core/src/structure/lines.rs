@@ -48,7 +48,7 @@ pub fn fit(
         boundary[*b].straightness.total_cmp(&boundary[*a].straightness).then(a.cmp(b))
     });
     let mut lines = Vec::new();
-    // The last seed that looked at each point.
+    // The last seed whose line took each point in.
     let mut seen_from = vec![u32::MAX; boundary.len()];
     for seed in seeds {
         if taken[seed] || boundary[seed].straightness < 0.8 {

@@ -55,7 +55,10 @@ impl VirtualRobot<'_> {
             let near: Vec<&Layer> = near.iter().filter(is_evidence).copied().collect();
             let placed: Vec<Placed> = near.iter().map(|l| l.placed(self.maps)).collect();
             let local = [Placed { map: &self.maps[map], t_world_map: x, samples: None }];
-            if ceiling::of(&local[0], &placed, p) < HOPELESS {
+            // The first word is had for little, and does not refuse for what only this map shows.
+            if ceiling::of(&local[0], &placed, p) < HOPELESS
+                && ceiling::between(&placed, &local, p) < HOPELESS
+            {
                 return None;
             }
             let mut sum = WallEvidence::default();

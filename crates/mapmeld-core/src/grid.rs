@@ -85,7 +85,8 @@ impl OccupancyGrid {
         if origin.x.abs().max(origin.y.abs()) > MAX_ORIGIN {
             return fail("origin", format!("farther than {MAX_ORIGIN:e} m from the map frame"));
         }
-        if let Some(v) = cells.iter().find(|v| **v < UNKNOWN || **v > 100) {
+        let (least, most) = cells.iter().fold((0, 0), |(l, m), v| (i8::min(l, *v), i8::max(m, *v)));
+        if let Some(v) = [least, most].iter().find(|v| **v < UNKNOWN || **v > 100) {
             return fail("cells", format!("value {v}; must be -1 or 0..=100"));
         }
         Ok(Self { name, width, height, resolution, origin, cells })
@@ -162,17 +163,22 @@ impl OccupancyGrid {
     }
     /// Mean of the centres of the known cells in map coordinates; none for a blank map.
     pub fn known_center(&self) -> Option<Vec2> {
+        const AT_ONCE: usize = 1024;
         let (mut n, mut sr, mut sc) = (0usize, 0usize, 0usize);
         for (row, line) in self.cells.chunks_exact(self.width).enumerate() {
-            let (mut in_row, mut of_row) = (0, 0);
-            for (col, v) in line.iter().enumerate() {
-                let known = usize::from(class_of(*v) != Class::Unknown);
-                in_row += known;
-                of_row += known * col;
+            // Few columns at a time: their sums fit in narrow numbers, many of which are added at once.
+            for (chunk, cells) in line.chunks(AT_ONCE).enumerate() {
+                let (mut known, mut cols) = (0u32, 0u32);
+                for (col, v) in (0u32..).zip(cells) {
+                    let is_known = u32::from(class_of(*v) != Class::Unknown);
+                    known += is_known;
+                    cols += is_known * col;
+                }
+                let known = known as usize;
+                n += known;
+                sr += known * row;
+                sc += known * chunk * AT_ONCE + cols as usize;
             }
-            n += in_row;
-            sr += in_row * row;
-            sc += of_row;
         }
         (n > 0).then(|| self.grid_to_map(sc as f64 / n as f64 + 0.5, sr as f64 / n as f64 + 0.5))
     }

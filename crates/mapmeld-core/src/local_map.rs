@@ -1,6 +1,9 @@
 //! One robot's map, prepared: everything later stages look up, computed once.
 
 mod mirror;
+mod patches;
+
+pub use patches::Patch;
 
 use crate::blocks::Blocks;
 use crate::boundary::{self, BoundaryPoint};
@@ -31,19 +34,6 @@ pub struct WallSample {
     pub conflict_weight: f64,
     /// Whether it lies amid a long straight wall, where nothing tells one place from the next.
     pub straight: bool,
-}
-
-/// Wall samples that lie close together.
-#[derive(Debug, Clone)]
-pub struct Patch {
-    /// Indices of the samples.
-    pub samples: Vec<u32>,
-    /// Their mean position, metres.
-    pub center: Vec2,
-    /// How far the farthest lies from it, metres.
-    pub radius: f64,
-    /// The patches that it holds on to, with the distance between the centres, metres; at least one.
-    pub neighbours: Vec<(u32, f64)>,
 }
 
 /// Cells of one class, thinned evenly to a largest number.
@@ -116,12 +106,6 @@ const NEAR_END: f64 = 0.3;
 const CLEAR: f64 = 0.2;
 /// Most points that stand for a map's open floor.
 const MAX_FLOOR: usize = 400;
-/// Fewest wall samples of a patch, where there are as many.
-const PATCH_SAMPLES: usize = 40;
-/// Extent below which a patch is not split, metres.
-const PATCH_SIZE: f64 = 4.0;
-/// Nearest patches that each patch holds on to; they hold on to it as well.
-const NEIGHBOURS: usize = 4;
 /// Largest number of boundary points that the likelihood field can index.
 const MAX_BOUNDARY: usize = 65_000;
 
@@ -164,7 +148,7 @@ impl LocalMap {
             boundary,
             lines,
             corners,
-            patches: patches(&samples),
+            patches: patches::of(&samples),
             turns: Box::new(correlation::turns(&probes)),
             blocks: Blocks::new(&probes),
             probes,
@@ -241,57 +225,6 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
     }
     let scale = if centers.is_empty() { 0.0 } else { total as f64 / centers.len() as f64 };
     ClassCells { centers, scale }
-}
-
-/// Splits wall samples across their longer extent until patches are small.
-fn patches(samples: &[WallSample]) -> Vec<Patch> {
-    let mut done = Vec::new();
-    let at = |k: &u32| samples[*k as usize].position;
-    let along =
-        |axis: usize| move |x: &u32, y: &u32| at(x)[axis].total_cmp(&at(y)[axis]).then(x.cmp(y));
-    // With the axis that they were split across last.
-    let mut todo: Vec<(Option<usize>, Vec<u32>)> =
-        vec![(None, (0..samples.len() as u32).collect())];
-    while let Some((split, mut some)) = todo.pop() {
-        let Some(first) = some.first().map(at) else { continue };
-        let (low, high) =
-            some.iter().fold((first, first), |(l, h), k| (l.inf(&at(k)), h.sup(&at(k))));
-        let span = high - low;
-        if some.len() < 2 * PATCH_SAMPLES || span.max() < PATCH_SIZE {
-            // Every so manieth of them lies evenly over the patch.
-            if let Some(axis) = split {
-                some.sort_unstable_by(along(axis));
-            }
-            let sum = some.iter().map(at).fold(Vec2::zeros(), |a, b| a + b);
-            let center = sum / some.len() as f64;
-            let radius = some.iter().map(|k| (at(k) - center).norm()).fold(0.0, f64::max);
-            done.push(Patch { center, radius, samples: some, neighbours: Vec::new() });
-            continue;
-        }
-        let axis = usize::from(span.y > span.x);
-        let half = some.len() / 2;
-        some.select_nth_unstable_by(half, along(axis));
-        let half = some.split_off(half);
-        todo.extend([(Some(axis), some), (Some(axis), half)]);
-    }
-    let centers: Vec<Vec2> = done.iter().map(|p: &Patch| p.center).collect();
-    let mut edges = std::collections::BTreeSet::new();
-    for k in 0..centers.len() {
-        let others = (0..centers.len()).filter(|q| *q != k);
-        let mut others: Vec<(f64, usize)> =
-            others.map(|q| ((centers[q] - centers[k]).norm(), q)).collect();
-        if others.len() > NEIGHBOURS {
-            others
-                .select_nth_unstable_by(NEIGHBOURS, |x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-            others.truncate(NEIGHBOURS);
-        }
-        edges.extend(others.into_iter().flat_map(|(_, q)| [(k, q), (q, k)]));
-    }
-    for (k, q) in edges {
-        let far = (centers[q] - centers[k]).norm().max(1.0);
-        done[k].neighbours.push((q as u32, far));
-    }
-    done
 }
 
 /// The free cells that lie at least [`CLEAR`] deep in free space, thinned to [`MAX_FLOOR`].

@@ -7,7 +7,7 @@ use crate::registration::coarse_table;
 use crate::se2::{Rigid, Se2};
 
 /// Most samples of a map that a look asks.
-const MOST: usize = 128;
+pub const MOST: usize = 128;
 
 /// Two maps whose poses are looked at, thousands of them.
 pub struct Glance<'a> {

@@ -7,7 +7,7 @@ use crate::registration::{
     self,
     climb::{self, Climb, STILL},
     corners, correlation,
-    glance::{Glance, Look},
+    glance::{self, Glance, Look},
     segments, Candidate, Source,
 };
 use crate::se2::{Se2, Vec2};
@@ -16,8 +16,6 @@ use crate::se2::{Se2, Vec2};
 const GLIMPSE_SAMPLES: usize = 16;
 /// Samples that a second look takes.
 const BRIEF_SAMPLES: usize = 32;
-/// Samples that a longer look takes.
-const LONGER_SAMPLES: usize = 128;
 /// Samples of each map that the first steps uphill follow.
 const FIRST_SAMPLES: usize = 128;
 /// Samples of each map that a climb follows.
@@ -152,7 +150,7 @@ impl<'s> Search<'s> {
         glance.narrow(&mut looks, GLIMPSE_SAMPLES, 30 * shortlist);
         glance.narrow(&mut looks, BRIEF_SAMPLES, 8 * shortlist);
         looks.extend(correlated.into_iter().map(look));
-        glance.narrow(&mut looks, LONGER_SAMPLES, usize::MAX);
+        glance.narrow(&mut looks, glance::MOST, usize::MAX);
         let looks = looks.into_iter().map(|(l, c)| (f64::from(l.score), c)).collect();
         self.distinct(looks, 3 * shortlist / 2)
     }

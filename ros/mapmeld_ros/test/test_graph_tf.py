@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import rooms
-from graph import Graph
+from graph import Graph, Process
+
+
+def wait_listening(graph: Graph, node: Process) -> None:
+    """Until the node has heard what is latched; how long a node takes to start is not asked here."""
+    graph.wait("an active node", lambda: "active: waits" in node.said())
+    graph.spin(1.0)
 
 
 def test_namespaced_robots_get_the_transform_in_their_own_trees(graph: Graph) -> None:
@@ -88,7 +94,7 @@ def test_a_frame_that_somebody_else_leads_to_is_left_to_them(graph: Graph) -> No
     node = graph.node()
     left, middle, _ = rooms.building()
     fleet.do(do="tf", topic="/tf_static", parent="world", child="left/map", durability="transient_local")
-    graph.spin(1.0)
+    wait_listening(graph, node)
     graph.links["/tf_static"].clear()
     graph.publish(fleet, left)
     graph.publish(fleet, middle)
@@ -111,7 +117,7 @@ def test_one_foreign_publisher_that_stops_is_forgotten_while_another_stays(graph
     latched = {"topic": "/tf_static", "durability": "transient_local"}
     describing.do(do="tf", parent="elsewhere", child="middle/map", **latched)
     fleet.do(do="tf", parent="world", child="left/map", **latched)
-    graph.spin(1.0)
+    wait_listening(graph, node)
     graph.publish(describing, left)
     graph.publish(describing, middle)
     graph.wait_status(left="merged", middle="merged")

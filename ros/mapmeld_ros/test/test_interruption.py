@@ -1,0 +1,50 @@
+"""The request to end, in processes of their own: one that ends by itself and one that is stuck."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+START = """
+import sys, threading
+from mapmeld_ros import interruption
+interruption.PATIENCE = 0.5
+asked = threading.Event()
+interruption = interruption.Interruption(asked.set)
+assert not interruption.is_requested
+print("ready", flush=True)
+asked.wait()
+assert interruption.is_requested
+"""
+# Keeps the interpreter lock, as a call into a middleware does that waits for another thread.
+STUCK = "import ctypes; ctypes.PyDLL(None).sleep(60)"
+
+
+def run(script: str, *signals: signal.Signals) -> tuple[int, str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", START + script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    for number in signals:
+        process.send_signal(number)
+    _, said = process.communicate(timeout=20)
+    return process.returncode, said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_process_that_is_asked_ends_by_itself(number: signal.Signals) -> None:
+    assert run("sys.exit(3)", number) == (3, "")
+
+
+def test_to_be_asked_again_changes_nothing() -> None:
+    assert run("sys.exit(3)", *[signal.SIGINT, signal.SIGTERM] * 4) == (3, "")
+
+
+def test_a_process_that_is_stuck_is_ended_and_says_where() -> None:
+    code, said = run(STUCK, signal.SIGTERM)
+    assert code == 1
+    assert "line 11 in <module>" in said

@@ -1,8 +1,10 @@
 //! One robot's map, prepared: everything later stages look up, computed once.
 
+mod floor;
 mod mirror;
 mod patches;
 
+pub use floor::Floor;
 pub use patches::Patch;
 
 use crate::blocks::Blocks;
@@ -13,7 +15,7 @@ use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::ground::Ground;
 use crate::likelihood_field::{FieldView, LikelihoodField, ProbeView};
-use crate::probe::{self, Probe};
+use crate::probe::{self, Axes, Probe};
 use crate::registration::{coarse_table::CoarseTable, correlation};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{corners, lines, Corner, Line};
@@ -85,8 +87,8 @@ pub struct LocalMap {
     pub center: Option<Vec2>,
     /// What other maps' walls mean in each cell.
     pub ground: Ground,
-    /// Open floor: thinned cells that lie clear of every wall and of the unknown.
-    pub floor: ClassCells,
+    /// Floor that lies clear of every wall and of the unknown.
+    pub floor: Floor,
     /// Scores for exhaustive correlation.
     pub coarse: CoarseTable,
     field: LikelihoodField,
@@ -102,10 +104,6 @@ const STRAIGHT: f64 = 1.0;
 const THICK: f64 = 0.2;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;
-/// How far open floor lies from the nearest wall or unknown cell, metres.
-const CLEAR: f64 = 0.2;
-/// Most points that stand for a map's open floor.
-const MAX_FLOOR: usize = 400;
 /// Largest number of boundary points that the likelihood field can index.
 const MAX_BOUNDARY: usize = 65_000;
 
@@ -143,12 +141,12 @@ impl LocalMap {
             spacing: config.perception.sample_spacing.max(grid.resolution()),
             center: grid.known_center(),
             coarse: CoarseTable::new(&grid, &boundary, &field, &ground),
-            floor: open_floor(&grid, &ground),
+            floor: Floor::new(&grid, &ground),
             ground,
             boundary,
             lines,
             corners,
-            patches: patches::of(&samples),
+            patches: patches::of(&samples, &probes),
             turns: Box::new(correlation::turns(&probes)),
             blocks: Blocks::new(&probes),
             probes,
@@ -180,8 +178,8 @@ impl LocalMap {
     }
 
     /// The likelihood field as seen from another grid's axes.
-    pub fn probe_view(&self, t_axes_axes: &Se2) -> ProbeView<'_> {
-        ProbeView::new(&self.grid, &self.field, t_axes_axes)
+    pub fn probe_view(&self, axes: Axes) -> ProbeView<'_> {
+        ProbeView::new(&self.grid, &self.field, axes)
     }
 
     /// How far the likelihood field reaches, metres.
@@ -225,28 +223,6 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
     }
     let scale = if centers.is_empty() { 0.0 } else { total as f64 / centers.len() as f64 };
     ClassCells { centers, scale }
-}
-
-/// The free cells that lie at least [`CLEAR`] deep in free space, thinned to [`MAX_FLOOR`].
-fn open_floor(grid: &OccupancyGrid, ground: &Ground) -> ClassCells {
-    let clear = (CLEAR / grid.resolution()).max(2.0).powi(2).min(250.0) as u8;
-    let (w, cell) = (grid.width(), grid.resolution().powi(2));
-    let open_in = |row: usize| ground.deep(row * w..(row + 1) * w, clear);
-    let in_row: Vec<usize> = (0..grid.height()).map(|row| open_in(row).count()).collect();
-    let all: usize = in_row.iter().sum();
-    let kept = all.min(MAX_FLOOR);
-    let (mut centers, mut before) = (Vec::with_capacity(kept), 0);
-    for (row, open) in in_row.into_iter().enumerate() {
-        // The k-th that is kept is number k * all / kept of all.
-        let wanted = |k: usize| (k * all / kept).checked_sub(before).filter(|n| *n < open);
-        let mut cols = open_in(row).enumerate();
-        while let Some(n) = (centers.len() < kept).then(|| wanted(centers.len())).flatten() {
-            let (_, col) = cols.find(|(at, _)| *at == n).expect("as many as were counted");
-            centers.push(grid.cell_center(row, col));
-        }
-        before += open;
-    }
-    ClassCells { centers, scale: if kept == 0 { 0.0 } else { all as f64 / kept as f64 * cell } }
 }
 
 /// Thins the boundary to a spacing and shares out the evidence: neighbouring wall points are

@@ -9,7 +9,7 @@ use crate::se2::{Se2, Vec2};
 use std::f64::consts::TAU;
 
 /// A wall sample in the axes of its grid.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Probe {
     /// Metres from the corner of cell (0, 0).
     pub x: f32,

@@ -161,9 +161,26 @@ pub struct Rigid {
 }
 
 impl Rigid {
+    /// From the translation, and the sine and cosine of the angle.
+    pub fn from_parts(t: Vec2, (s, c): (f64, f64)) -> Self {
+        Self { c, s, x: t.x, y: t.y }
+    }
+
     /// Sine and cosine of its angle.
     pub fn sin_cos(&self) -> (f64, f64) {
         (self.s, self.c)
+    }
+
+    /// Its translation, metres.
+    pub fn translation(&self) -> Vec2 {
+        Vec2::new(self.x, self.y)
+    }
+
+    /// As [`Se2::compose`].
+    pub fn compose(&self, other: &Rigid) -> Rigid {
+        let t = self.apply(other.translation());
+        let (s, c) = (self.s * other.c + self.c * other.s, self.c * other.c - self.s * other.s);
+        Self::from_parts(t, (s, c))
     }
 
     /// `p_a` of `p_b`.
@@ -211,6 +228,15 @@ mod tests {
         assert_relative_eq!(a.x, b.x, epsilon = 1e-6, max_relative = 1e-9);
         assert_relative_eq!(a.y, b.y, epsilon = 1e-6, max_relative = 1e-9);
         assert!(wrap(a.theta - b.theta).abs() < 1e-8, "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn rigid_transforms_compose_as_others_do() {
+        let (a, b) = (Se2::new(1.0, -2.0, 2.5), Se2::new(0.3, 0.7, 1.9));
+        let (got, expected) = (a.to_rigid().compose(&b.to_rigid()), a.compose(&b));
+        assert!((got.translation() - expected.translation()).norm() < 1e-12);
+        let (s, c) = got.sin_cos();
+        assert!((wrap(s.atan2(c) - expected.theta)).abs() < 1e-12);
     }
 
     #[test]

@@ -3,7 +3,6 @@
 mod common;
 
 use common::office;
-use mapmeld_core::blocks;
 use mapmeld_core::config::{Config, PerceptionConfig};
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
@@ -54,9 +53,7 @@ fn a_straight_map_stays_as_it_is() {
     let map = LocalMap::new(office_off_by(0.0), &config);
     let others = [Placed { map: &map, t_world_map: Se2::IDENTITY, samples: None }];
     for p in &rungs {
-        let probe = |k: &u32| &map.probes[*k as usize];
-        let samples: Vec<_> =
-            map.patches.iter().map(|p| blocks::of(p.samples.iter().map(probe))).collect();
+        let samples: Vec<_> = map.patches.iter().map(|p| p.blocks.as_slice()).collect();
         let found = unbend(&map, &Se2::IDENTITY, &others, (&samples, 1), p);
         assert_eq!(found.poses.len(), map.patches.len());
         for (pose, patch) in found.poses.iter().zip(&map.patches) {

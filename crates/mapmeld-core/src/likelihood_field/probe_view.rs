@@ -4,7 +4,6 @@ use super::{turned, LikelihoodField, DIRECTIONS};
 use crate::blocks::{self, Block, LANES};
 use crate::grid::OccupancyGrid;
 use crate::probe::Axes;
-use crate::se2::Se2;
 
 /// Looks another map's probes up in a field.
 #[derive(Clone, Copy)]
@@ -52,10 +51,10 @@ pub struct Walls {
 
 impl<'a> ProbeView<'a> {
     /// A view of the field of a grid from the axes of another one.
-    pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, t_axes_axes: &Se2) -> Self {
+    pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, axes: Axes) -> Self {
         Self {
             field,
-            axes: Axes::new(t_axes_axes),
+            axes,
             per_metre: (1.0 / grid.resolution()) as f32,
             width: grid.width() as f32,
             height: grid.height() as f32,

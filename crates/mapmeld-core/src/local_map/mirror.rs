@@ -3,7 +3,7 @@
 
 use crate::blocks::Blocks;
 use crate::boundary::BoundaryPoint;
-use crate::local_map::{ClassCells, LocalMap, Patch, WallSample};
+use crate::local_map::{LocalMap, Patch, WallSample};
 use crate::probe::Probe;
 use crate::registration::{coarse_table::CoarseTable, correlation};
 use crate::se2::{Se2, Vec2};
@@ -93,7 +93,13 @@ impl LocalMap {
             normal: mirror.vector(s.normal),
             ..*s
         };
-        let patch = |p: &Patch| Patch { center: mirror.point(p.center), ..p.clone() };
+        let patch = |p: &Patch| Patch {
+            samples: p.samples.clone(),
+            blocks: super::patches::blocks_of(&p.samples, &probes),
+            center: mirror.point(p.center),
+            radius: p.radius,
+            neighbours: p.neighbours.clone(),
+        };
         let field = self.field.mirrored(mirror.width);
         let ground = self.ground.mirrored(columns);
         Self {
@@ -105,10 +111,7 @@ impl LocalMap {
             samples: self.samples.iter().map(sample).collect(),
             patches: self.patches.iter().map(patch).collect(),
             center: self.center.map(|c| mirror.point(c)),
-            floor: ClassCells {
-                centers: self.floor.centers.iter().map(|p| mirror.point(*p)).collect(),
-                ..self.floor
-            },
+            floor: self.floor.mirrored(mirror.width),
             occupied: OnceLock::new(),
             free: OnceLock::new(),
             grid,
@@ -128,6 +131,7 @@ mod tests {
     use crate::config::Config;
     use crate::grid::{OccupancyGrid, UNKNOWN};
     use crate::likelihood_field::{Walls, DIRECTIONS};
+    use crate::probe::Axes;
 
     /// A room with an alcove, clutter and an unknown rim, like no mirror image of itself.
     fn room() -> OccupancyGrid {
@@ -171,7 +175,7 @@ mod tests {
         }
         // As thousands of poses ask the field.
         let t = Se2::new(0.1, 0.05, 0.05);
-        let views = [&turned, &anew].map(|m| m.probe_view(&t));
+        let views = [&turned, &anew].map(|m| m.probe_view(Axes::new(&t)));
         let mut walls = 0;
         for block in map.blocks.first(usize::MAX) {
             let [x, y] = views.map(|v| v.see(block));

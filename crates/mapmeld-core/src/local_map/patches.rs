@@ -1,6 +1,8 @@
 //! The wall samples of a map in patches of a few metres, each of which may move a little of its own.
 
 use super::WallSample;
+use crate::blocks::{self, Block};
+use crate::probe::Probe;
 use crate::se2::Vec2;
 
 /// Wall samples that lie close together.
@@ -8,6 +10,8 @@ use crate::se2::Vec2;
 pub struct Patch {
     /// Indices of the samples.
     pub samples: Vec<u32>,
+    /// The same samples as other maps are asked about them.
+    pub blocks: Vec<Block>,
     /// Their mean position, metres.
     pub center: Vec2,
     /// How far the farthest lies from it, metres.
@@ -23,8 +27,13 @@ const PATCH_SIZE: f64 = 4.0;
 /// Nearest patches that each patch holds on to; they hold on to it as well.
 const NEIGHBOURS: usize = 4;
 
-/// Splits wall samples across their longer extent until patches are small.
-pub(super) fn of(samples: &[WallSample]) -> Vec<Patch> {
+/// Some samples of a map, by their indices, in blocks.
+pub(super) fn blocks_of(samples: &[u32], probes: &[Probe]) -> Vec<Block> {
+    blocks::of(samples.iter().map(|k| &probes[*k as usize]))
+}
+
+/// Splits wall samples, which are the probes too, across their longer extent until patches are small.
+pub(super) fn of(samples: &[WallSample], probes: &[Probe]) -> Vec<Patch> {
     let mut done = Vec::new();
     let at = |k: &u32| samples[*k as usize].position;
     let along =
@@ -45,7 +54,8 @@ pub(super) fn of(samples: &[WallSample]) -> Vec<Patch> {
             let sum = some.iter().map(at).fold(Vec2::zeros(), |a, b| a + b);
             let center = sum / some.len() as f64;
             let radius = some.iter().map(|k| (at(k) - center).norm()).fold(0.0, f64::max);
-            done.push(Patch { center, radius, samples: some, neighbours: Vec::new() });
+            let blocks = blocks_of(&some, probes);
+            done.push(Patch { center, radius, samples: some, blocks, neighbours: Vec::new() });
             continue;
         }
         let axis = usize::from(span.y > span.x);

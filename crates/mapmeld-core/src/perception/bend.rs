@@ -9,20 +9,24 @@
 use crate::blocks::{self, Block};
 use crate::config::PerceptionConfig;
 use crate::local_map::{LocalMap, Patch};
+use crate::perception::held::{self, AxesPose, Held, Puller};
 use crate::perception::likelihood::{self, WallEvidence};
 use crate::perception::placed::Placed;
-use crate::perception::pull::{Matches, Pull};
+use crate::perception::pull::Pull;
 use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
-/// Most rounds in which every patch is moved once.
-const ROUNDS: usize = 7;
+/// Most rounds in which every patch is moved once: those in which walls are found anew, and those in which walls that
+/// were found before are held, for much less.
+const FINDING: [bool; 7] = [true, false, true, false, true, false, false];
 /// Steps shorter than this, in cells, move nothing any more.
 const STILL: f64 = 0.02;
 /// How much the kernel narrows from round to round.
 const NARROWING: f64 = 0.65;
 /// Standard deviation of a patch's motion against the rigid pose, metres: holds loose patches.
 const LEASH: f64 = 0.5;
+/// Metres that a turn of one radian moves walls by, about.
+const LEVER: f64 = 5.0;
 
 /// The motion of one patch against the rigid pose: a turn about the patch's centre, then a shift.
 #[derive(Debug, Clone, Copy)]
@@ -58,52 +62,11 @@ impl Motion {
         let moved = self.apply(rigid.translation());
         Se2::from_parts(moved, rigid.theta + self.turn)
     }
-}
 
-/// A map that patches are pulled by, at its place.
-struct Puller<'a> {
-    placed: Placed<'a>,
-    t_axes_world: Se2,
-    to_axes: Rigid,
-    /// Turns (x, y, theta) from the grid's axes to the world's.
-    turn: Matrix3<f64>,
-}
-
-impl<'a> Puller<'a> {
-    fn new(placed: &Placed<'a>) -> Self {
-        let t_world_axes = placed.t_world_map.compose(&placed.map.grid.origin());
-        let (s, c) = t_world_axes.theta.sin_cos();
-        let turn = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
-        let t_axes_world = t_world_axes.inverse();
-        Self { placed: *placed, t_axes_world, to_axes: t_axes_world.to_rigid(), turn }
-    }
-
-    /// False when nothing within a circle, a point of the world and a radius in metres, can lie on the grid.
-    fn sees(&self, center: Vec2, radius: f64) -> bool {
-        self.placed.map.reaches(self.to_axes.apply(center), radius)
-    }
-
-    /// What the walls pull the probes of a patch towards, whose map's axes lie at `t_world_from`: information and
-    /// gradient of (x, y, theta), turning about `at`, a point of the world.
-    fn pull(
-        &self,
-        probes: &[Block],
-        t_world_from: &Se2,
-        at: Vec2,
-        scale: f64,
-    ) -> (Matrix3<f64>, Vector3<f64>) {
-        // `t_axes_world * t_world_from`, whose sine and cosine are at hand.
-        let shift = self.to_axes.apply(t_world_from.translation());
-        let turn = self.t_axes_world.theta + t_world_from.theta;
-        let view = self.placed.map.probe_view(&Se2::from_parts(shift, turn));
-        let mut pull = Pull::new(self.to_axes.apply(at), scale);
-        for block in probes {
-            let s = view.see(block);
-            let w = view.walls(&s, 0);
-            let residual = w.residuals(&s);
-            pull.add(&Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual });
-        }
-        (self.turn * pull.information() * self.turn.transpose(), self.turn * pull.gradient())
+    /// Where it takes its map's axes.
+    fn moved(&self, (theta, t): &AxesPose) -> AxesPose {
+        let motion = Rigid::from_parts(self.apply(Vec2::zeros()), self.sin_cos);
+        (theta + self.turn, motion.compose(t))
     }
 }
 
@@ -121,7 +84,7 @@ pub fn unbend(
     from: &LocalMap,
     rigid: &Se2,
     others: &[Placed],
-    (samples, step): (&[Vec<Block>], usize),
+    (samples, step): (&[&[Block]], usize),
     config: &PerceptionConfig,
 ) -> Unbent {
     let maps = || others.iter().map(|o| o.map).chain([from]);
@@ -131,48 +94,51 @@ pub fn unbend(
     // Neighbouring samples are correlated.
     let discount = step as f64 * from.spacing / config.correlation_length / (finest * finest);
     let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
+    let edges: Vec<Vec<Edge>> = from.patches.iter().map(|p| edges(p, config)).collect();
     let motion = |p: &Patch| Motion::none(rigid.apply(p.center));
     let mut motions: Vec<Motion> = from.patches.iter().map(motion).collect();
+    let of_map = rigid.compose(&from.grid.origin());
+    let of_map = (of_map.theta, of_map.to_rigid());
+    let held = samples.iter().zip(&motions).map(|(s, m)| Held::new(s, &of_map, m.center));
+    let mut held: Vec<Held> = held.collect();
+    let leash = 1.0 / (LEASH * LEASH);
     let mut scale = 0.5 * reach;
-    for _ in 0..ROUNDS {
+    for is_finding in FINDING {
         let mut moved = 0.0f64;
         for (k, patch) in from.patches.iter().enumerate() {
             let here = motions[k];
-            let pose = here.pose(rigid).compose(&from.grid.origin());
-            let leash = 1.0 / (LEASH * LEASH);
-            let mut h = Matrix3::from_diagonal(&Vector3::new(leash, leash, 0.0));
-            let mut g = Vector3::new(here.shift.x * leash, here.shift.y * leash, 0.0);
-            let at = here.center + here.shift;
-            let near = pullers.iter().filter(|p| p.sees(at, patch.radius));
-            for puller in near {
-                let of_walls = puller.pull(&samples[k], &pose, at, scale);
-                h += discount * of_walls.0;
-                g += discount * of_walls.1;
+            if is_finding {
+                let at = here.center + here.shift;
+                let near = pullers.iter().filter(|p| p.sees(at, patch.radius));
+                held[k].find(samples[k], &here.moved(&of_map), near);
             }
-            for (q, stiffness) in stiffnesses(patch, config) {
-                let told = motions[q].apply(here.center) - here.center;
-                let off = here.shift - told;
-                h += Matrix3::from_diagonal(&stiffness);
-                g += stiffness.component_mul(&Vector3::new(
-                    off.x,
-                    off.y,
-                    here.turn - motions[q].turn,
-                ));
+            let mut pull = Pull::new(Vec2::zeros(), scale);
+            held::pull_of(&held[k], here.sin_cos, here.shift, &mut pull);
+            let mut h = discount * pull.information();
+            let mut g = discount * pull.gradient();
+            let mut stiffness = Vector3::new(leash, leash, 0.0);
+            g += stiffness.component_mul(&here.shift.push(here.turn));
+            for edge in &edges[k] {
+                let other = &motions[edge.to];
+                let off = here.center + here.shift - other.apply(here.center);
+                stiffness += edge.stiffness;
+                g += edge.stiffness.component_mul(&off.push(here.turn - other.turn));
             }
+            h += Matrix3::from_diagonal(&stiffness);
             let step = h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&g));
             motions[k].step(&-step);
-            moved = moved.max(step.xy().norm() + 5.0 * step.z.abs());
+            moved = moved.max(step.xy().norm() + LEVER * step.z.abs());
         }
         if scale <= finest && moved < STILL * resolution {
             break;
         }
         scale = (NARROWING * scale).max(finest);
     }
-    let cost = from.patches.iter().zip(&motions).map(|(patch, m)| {
-        let of_edge = stiffnesses(patch, config).map(|(q, stiffness)| {
-            let off = m.shift + m.center - motions[q].apply(m.center);
-            let off = Vector3::new(off.x, off.y, m.turn - motions[q].turn);
-            stiffness.dot(&off.component_mul(&off))
+    let cost = edges.iter().zip(&motions).map(|(edges, m)| {
+        let of_edge = edges.iter().map(|edge| {
+            let other = &motions[edge.to];
+            let off = (m.shift + m.center - other.apply(m.center)).push(m.turn - other.turn);
+            edge.stiffness.dot(&off.component_mul(&off))
         });
         // Half the square, and every edge is told of from both its ends.
         0.25 * of_edge.sum::<f64>()
@@ -180,17 +146,19 @@ pub fn unbend(
     Unbent { cost: cost.sum(), poses: motions.iter().map(|m| m.pose(rigid)).collect() }
 }
 
-/// The neighbours of a patch, with the inverse variances of (x, y, theta) between the two.
-fn stiffnesses<'p>(
-    patch: &'p Patch,
-    config: &'p PerceptionConfig,
-) -> impl Iterator<Item = (usize, Vector3<f64>)> + 'p {
-    patch.neighbours.iter().map(|(q, distance)| {
-        // Drift is a random walk: its variance grows with the way.
-        let shift = 1.0 / (config.bend_shift.powi(2) * distance);
-        let turn = 1.0 / (config.bend_turn.powi(2) * distance);
-        (*q as usize, Vector3::new(shift, shift, turn))
-    })
+/// A neighbour of a patch, and the inverse variances of (x, y, theta) between the two.
+struct Edge {
+    to: usize,
+    stiffness: Vector3<f64>,
+}
+
+fn edges(patch: &Patch, config: &PerceptionConfig) -> Vec<Edge> {
+    // Drift is a random walk: its variance grows with the way.
+    let (shift, turn) = (config.bend_shift.powi(-2), config.bend_turn.powi(-2));
+    let at_one = Vector3::new(shift, shift, turn);
+    let edge =
+        |(to, distance): &(u32, f64)| Edge { to: *to as usize, stiffness: at_one / *distance };
+    patch.neighbours.iter().map(edge).collect()
 }
 
 /// What the patches of one placed map say of others; every `step`-th wall sample is asked.
@@ -200,13 +168,26 @@ pub fn of_patches(
     step: usize,
     config: &PerceptionConfig,
 ) -> WallEvidence {
-    let mut asked = vec![from.samples.is_none(); from.map.samples.len()];
-    from.samples.unwrap_or_default().iter().for_each(|k| asked[*k as usize] = true);
-    let samples = |patch: &Patch| {
-        let own = patch.samples.iter().filter(|k| asked[**k as usize]);
-        blocks::of(own.step_by(step).map(|k| &from.map.probes[*k as usize]))
+    let asked = from.samples.map(|samples| {
+        let mut asked = vec![false; from.map.samples.len()];
+        samples.iter().for_each(|k| asked[*k as usize] = true);
+        asked
+    });
+    // Of each patch the samples that are asked, and how many all of them are that speak for the map.
+    let of_patch = |patch: &Patch| {
+        let is_asked = |k: &&u32| asked.as_ref().is_none_or(|asked| asked[**k as usize]);
+        let own = || patch.samples.iter().filter(is_asked);
+        let all = own().count();
+        if step == 1 && all == patch.samples.len() {
+            return (None, all);
+        }
+        (Some(blocks::of(own().step_by(step).map(|k| &from.map.probes[*k as usize]))), all)
     };
-    let samples: Vec<Vec<Block>> = from.map.patches.iter().map(samples).collect();
+    let of_patches: Vec<(Option<Vec<Block>>, usize)> =
+        from.map.patches.iter().map(of_patch).collect();
+    let samples = from.map.patches.iter().zip(&of_patches);
+    let samples: Vec<&[Block]> =
+        samples.map(|(p, (some, _))| some.as_ref().unwrap_or(&p.blocks).as_slice()).collect();
     let unbent = unbend(from.map, &from.t_world_map, others, (&samples, step), config);
     let pullers: Vec<Puller> = others.iter().map(Puller::new).collect();
     let mut sum = WallEvidence::default();
@@ -218,9 +199,9 @@ pub fn of_patches(
         if near.is_empty() {
             continue;
         }
-        let all = patch.samples.iter().filter(|s| asked[**s as usize]).count();
+        let all = of_patches[k].1;
         let taken = all.div_ceil(step).max(1);
-        let said = likelihood::one_way(&samples[k], from.map, pose, &near, config);
+        let said = likelihood::one_way(samples[k], from.map, pose, &near, config);
         sum.add(&said, all as f64 / taken as f64);
     }
     sum.bending = unbent.cost;

@@ -7,7 +7,6 @@
 use crate::blocks::{self, Block, LANES};
 use crate::config::PerceptionConfig;
 use crate::perception::placed::Placed;
-use crate::probe::axes_of;
 use crate::vicinity::Outline;
 
 /// Wall samples of a map that are asked, about.
@@ -42,10 +41,7 @@ fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 
     if others.is_empty() {
         return 0.0;
     }
-    let views = others.iter().map(|o| {
-        let t = o.t_world_map.between(&from.t_world_map);
-        (&o.map.ground, o.map.probe_view(&axes_of(&o.map.grid, &from.map.grid, &t)))
-    });
+    let views = others.iter().map(|o| (&o.map.ground, o.map.probe_view(from.axes_in(o))));
     let views: Vec<_> = views.collect();
     let some: Vec<Block>;
     let (asked, share) = match from.samples {

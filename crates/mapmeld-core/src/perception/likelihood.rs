@@ -9,7 +9,6 @@
 
 use crate::blocks::{Block, LANES};
 use crate::config::PerceptionConfig;
-use crate::grid::Class;
 use crate::likelihood_field::ProbeView;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
@@ -117,18 +116,18 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
-    /// Samples come from `other`, whose axes lie at `t_axes_axes`: what its cells blur is blurred here too.
+    /// Samples come from `other`, whose axes lie at `axes`: what its cells blur is blurred here too.
     fn new(
         map: &'a LocalMap,
         other: &LocalMap,
-        t_axes_axes: &Se2,
+        axes: Axes,
         t_common_map: &Se2,
         config: &PerceptionConfig,
     ) -> Self {
         let noise = noise_of(map, other, config);
         Self {
             map,
-            view: map.probe_view(t_axes_axes),
+            view: map.probe_view(axes),
             to_common: Axes::new(&t_common_map.compose(&map.grid.origin())),
             radius: (noise.hit_radius * noise.hit_radius) as f32,
             inv_two_sigma_squared: noise.inv_two_sigma_squared as f32,
@@ -239,39 +238,15 @@ pub fn pair(
     samples: usize,
     config: &PerceptionConfig,
 ) -> WallEvidence {
-    let axes = axes_of(&a.grid, &b.grid, t_a_b);
-    let in_a = [Target::new(a, b, &axes, &Se2::IDENTITY, config)];
-    let in_b = [Target::new(b, a, &axes.inverse(), t_a_b, config)];
+    let axes = Axes::new(&axes_of(&a.grid, &b.grid, t_a_b));
+    let in_a = [Target::new(a, b, axes, &Se2::IDENTITY, config)];
+    let in_b = [Target::new(b, a, axes.inverse(), t_a_b, config)];
     let mut sum = WallEvidence::default();
     for (from, targets) in [(b, in_a), (a, in_b)] {
         let said = tally(from.blocks.first(samples), &targets, from.spacing, config);
         sum.add(&said, 0.5 * from.blocks.share(samples));
     }
     sum
-}
-
-/// Open floor of a map, were it placed at `t_world_from`, that is free in other maps, square metres.
-pub fn shared_floor(from: &LocalMap, t_world_from: &Se2, others: &[Placed]) -> f64 {
-    let locator = |o: &Placed| o.map.grid.locator_from(&o.t_world_map.between(t_world_from));
-    let targets: Vec<_> = others.iter().map(|o| (&o.map.grid, locator(o))).collect();
-    let floor = &from.floor;
-    let mut shared = 0.0;
-    for p in &floor.centers {
-        let (mut free, mut seen) = (0.0, 0.0);
-        for (grid, locator) in &targets {
-            let Some((row, col)) = locator.cell(*p) else { continue };
-            match grid.class(row, col) {
-                Class::Free => free += 1.0,
-                Class::Occupied => {}
-                Class::Unknown => continue,
-            }
-            seen += 1.0;
-        }
-        if seen > 0.0 {
-            shared += floor.scale * free / seen;
-        }
-    }
-    shared
 }
 
 /// What some wall samples of a map say of other maps, were it placed at `t_world_from`.
@@ -284,7 +259,7 @@ pub fn one_way(
 ) -> WallEvidence {
     let targets = others.iter().map(|o| {
         let axes = axes_of(&o.map.grid, &from.grid, &o.t_world_map.between(t_world_from));
-        Target::new(o.map, from, &axes, &o.t_world_map, config)
+        Target::new(o.map, from, Axes::new(&axes), &o.t_world_map, config)
     });
     tally(samples, &targets.collect::<Vec<_>>(), from.spacing, config)
 }

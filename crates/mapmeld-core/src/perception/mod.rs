@@ -3,6 +3,7 @@
 pub mod bend;
 pub mod ceiling;
 pub mod gamma;
+mod held;
 pub mod likelihood;
 pub mod noise;
 pub mod overlay;

@@ -4,12 +4,14 @@
 //! (an ancestry tree), so folding a map in copies nothing. Its cells of a class are the union of the
 //! placed maps' cells of that class; each layer keeps which of its own cells are new.
 
+use crate::blocks::LANES;
 use crate::grid::Locator;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
+use crate::probe::{axes_of, Axes};
 use crate::se2::{Se2, Vec2};
 use crate::vicinity::Outline;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// One placed map and what lies below it.
 #[derive(Debug)]
@@ -27,16 +29,26 @@ pub struct Layer {
     pub new_occupied: Vec<Vec2>,
     /// Free cells that no layer below has, world coordinates.
     pub new_free: Vec<Vec2>,
-    /// Indices of the map's wall samples that no layer below shows.
-    pub new_samples: Vec<u32>,
+    /// See [`Layer::new_samples`].
+    new_samples: OnceLock<Vec<u32>>,
     below: Overlay,
 }
 
 impl Layer {
     /// The map with its new samples, in its place.
     pub fn placed<'a>(&'a self, maps: &'a [LocalMap]) -> Placed<'a> {
-        let samples = Some(self.new_samples.as_slice());
+        let samples = Some(self.new_samples(maps));
         Placed { map: &maps[self.map], t_world_map: self.t_world_map, samples }
+    }
+
+    /// Indices of the map's wall samples that no layer below shows, worked out when they are first asked for: most
+    /// particles have no successor that asks.
+    pub fn new_samples(&self, maps: &[LocalMap]) -> &[u32] {
+        self.new_samples.get_or_init(|| {
+            let below: Vec<&Layer> = self.below.near(&self.outline, 0.0).collect();
+            let is_shown = shown(maps, &maps[self.map], &self.t_world_map, &below);
+            (0..is_shown.len() as u32).filter(|k| !is_shown[*k as usize]).collect()
+        })
     }
 }
 
@@ -83,7 +95,7 @@ impl Overlay {
             .map(|l| Placed {
                 map: &maps[l.map],
                 t_world_map: t_frame_world.compose(&l.t_world_map),
-                samples: Some(&l.new_samples),
+                samples: Some(l.new_samples(maps)),
             })
             .collect()
     }
@@ -100,9 +112,8 @@ impl Overlay {
     ) -> Overlay {
         let m = &maps[map];
         let outline = Outline::of(&m.grid, &t_world_map);
-        let near: Vec<&Layer> = self.near(&outline, 0.0).collect();
+        let near = self.near(&outline, 0.0).filter(|_| cells);
         let below: Vec<(&LocalMap, Locator)> = near
-            .iter()
             .map(|l| {
                 let below = &maps[l.map];
                 (below, below.grid.locator_from(&l.t_world_map.inverse()))
@@ -121,15 +132,6 @@ impl Overlay {
             };
             centers.iter().map(|c| t_world_map.apply(*c)).filter(|p| !is_there(p)).collect()
         };
-        let views: Vec<_> = near
-            .iter()
-            .map(|l| maps[l.map].field_view(&l.t_world_map.between(&t_world_map)))
-            .collect();
-        let is_shown = |s: &crate::local_map::WallSample| {
-            views.iter().any(|v| v.nearest(s.position, s.normal).is_some())
-        };
-        let new_samples =
-            (0..m.samples.len() as u32).filter(|k| !is_shown(&m.samples[*k as usize])).collect();
         Overlay(Some(Arc::new(Layer {
             map,
             t_world_map,
@@ -137,8 +139,31 @@ impl Overlay {
             probability,
             new_occupied: new_cells(true),
             new_free: new_cells(false),
-            new_samples,
+            new_samples: OnceLock::new(),
             below: self.clone(),
         })))
     }
+}
+
+/// Of each wall sample of a map at its place whether a layer shows it.
+fn shown(maps: &[LocalMap], m: &LocalMap, t_world_map: &Se2, layers: &[&Layer]) -> Vec<bool> {
+    let mut is_shown = vec![false; m.samples.len()];
+    for layer in layers {
+        let below = &maps[layer.map];
+        let t = axes_of(&below.grid, &m.grid, &layer.t_world_map.between(t_world_map));
+        let to_axes = t.compose(&m.grid.origin().inverse()).to_rigid();
+        let view = below.probe_view(Axes::new(&t));
+        for patch in m.patches.iter().filter(|p| below.reaches(to_axes.apply(p.center), p.radius)) {
+            for (block, samples) in patch.blocks.iter().zip(patch.samples.chunks(LANES)) {
+                if samples.iter().all(|k| is_shown[*k as usize]) {
+                    continue;
+                }
+                let walls = view.walls(&view.see(block), 0);
+                for (lane, k) in samples.iter().enumerate() {
+                    is_shown[*k as usize] |= walls.is_there(lane);
+                }
+            }
+        }
+    }
+    is_shown
 }

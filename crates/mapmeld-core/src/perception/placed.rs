@@ -3,8 +3,9 @@
 use crate::config::PerceptionConfig;
 use crate::local_map::LocalMap;
 use crate::perception::bend;
-use crate::perception::likelihood::{self, WallEvidence};
+use crate::perception::likelihood::WallEvidence;
 use crate::perception::overlay::Overlay;
+use crate::probe::{axes_of, Axes};
 use crate::se2::Se2;
 use crate::vicinity::{Outline, BENT};
 
@@ -32,7 +33,6 @@ impl Placed<'_> {
 
     /// What this map's samples say of the other maps.
     pub fn tally_against(&self, others: &[Placed], config: &PerceptionConfig) -> WallEvidence {
-        let t = &self.t_world_map;
         let outline = self.outline();
         let is_near = |o: &&Placed| o.outline().is_near(&outline, BENT);
         let others: Vec<Placed> = others.iter().filter(is_near).copied().collect();
@@ -43,8 +43,20 @@ impl Placed<'_> {
         let count = self.samples.map_or(self.map.samples.len(), <[u32]>::len);
         let step = count.div_ceil(config.max_samples).max(1);
         let mut sum = bend::of_patches(self, others, step, config);
-        sum.shared_floor += likelihood::shared_floor(self.map, t, others);
+        sum.shared_floor += self.shared_floor(others);
         sum
+    }
+
+    /// Open floor of this map that is free in other maps, square metres.
+    fn shared_floor(&self, others: &[Placed]) -> f64 {
+        let views = others.iter().map(|o| (&o.map.ground, o.map.probe_view(self.axes_in(o))));
+        self.map.floor.free_in(&views.collect::<Vec<_>>())
+    }
+
+    /// Its grid's axes in those of another.
+    pub fn axes_in(&self, other: &Placed) -> Axes {
+        let t = other.t_world_map.between(&self.t_world_map);
+        Axes::new(&axes_of(&other.map.grid, &self.map.grid, &t))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
 use crate::local_map::LocalMap;
 use crate::perception::likelihood::noise_of;
-use crate::probe::axes_of;
+use crate::probe::{axes_of, Axes};
 use crate::se2::Se2;
 
 /// Log-likelihood ratio of `T_a_b` under each of some models, nats, from so many samples of each map at most. The models
@@ -18,12 +18,12 @@ pub fn log_likelihoods(
     samples: usize,
     models: &[PerceptionConfig],
 ) -> Vec<f64> {
-    let axes = axes_of(&a.grid, &b.grid, t_a_b);
+    let axes = Axes::new(&axes_of(&a.grid, &b.grid, t_a_b));
     let mut sums = vec![Sum::default(); models.len()];
-    one_way(a, b, &axes, samples, models, &mut sums);
+    one_way(a, b, axes, samples, models, &mut sums);
     let mut total: Vec<f64> =
         sums.iter().map(|s| 0.5 * b.blocks.share(samples) * s.total()).collect();
-    one_way(b, a, &axes.inverse(), samples, models, &mut sums);
+    one_way(b, a, axes.inverse(), samples, models, &mut sums);
     for (total, s) in total.iter_mut().zip(&sums) {
         *total += 0.5 * a.blocks.share(samples) * s.total();
     }
@@ -50,7 +50,7 @@ impl Sum {
 fn one_way(
     to: &LocalMap,
     from: &LocalMap,
-    axes: &Se2,
+    axes: Axes,
     samples: usize,
     models: &[PerceptionConfig],
     sums: &mut [Sum],

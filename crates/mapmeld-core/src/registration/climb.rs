@@ -21,13 +21,13 @@ fn matches(
     mut f: impl FnMut(Matches),
 ) {
     let axes = Axes::new(t_axes_axes);
-    let view = a.probe_view(t_axes_axes);
+    let view = a.probe_view(axes);
     for block in b.blocks.first(of_b) {
         let s = view.see(block);
         let w = view.walls(&s, 0);
         f(Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual: w.residuals(&s) });
     }
-    let view = b.probe_view(&t_axes_axes.inverse());
+    let view = b.probe_view(axes.inverse());
     for block in a.blocks.first(of_a) {
         let s = view.see(block);
         let w = view.walls(&s, 0);

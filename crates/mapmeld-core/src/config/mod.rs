@@ -191,8 +191,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 16] = [
-            -10.228, 0.213, -1.085, -0.649, 0.895, -0.842, -0.553, 1.796, 1.807, 2.265,
-            -6.117, -3.234, 1.218, -0.857, 1.269, -23.626,
+            -11.171, 0.262, -1.113, -0.658, 0.880, -1.098, -0.606, 1.905, 1.734, 1.994,
+            -6.006, -3.839, 1.308, -0.845, 1.244, -19.176,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

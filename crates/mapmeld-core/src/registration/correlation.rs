@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 /// Bins of a full turn: one degree each.
 pub const BINS: usize = 360;
 /// Rotations that are tried where a pose is looked for.
-pub const ROTATIONS: usize = 8;
+pub const ROTATIONS: usize = 6;
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
 /// Peaks of all rotations that are scored again in finer cells.
@@ -28,7 +28,7 @@ const LOOKED_INTO: usize = 240;
 /// Samples that score a peak again.
 const PEAK_SAMPLES: usize = 160;
 /// Share of what the best rotation promises that another must promise: walls of few directions leave few rotations.
-const PROMISING: f32 = 0.9;
+const PROMISING: f32 = 0.95;
 /// Share of the best score in finer cells that another peak must reach in wide ones to be scored in finer ones, too:
 /// it reaches less there.
 const RIVAL: f32 = 0.5;
@@ -222,8 +222,9 @@ struct Shifts {
     scores: Vec<i16>,
     /// Weight of b's probes by direction and wide cell, and last that of their contradiction.
     bins: Vec<f32>,
-    /// Of each direction, and of the contradiction, the cells of the bins that hold something.
-    filled: [Vec<u32>; DIRECTIONS + 1],
+    /// Of each direction, and of the contradiction, the bins that hold something: the cell, and the shift at which it
+    /// comes to lie on the table's first cell, both by their indices.
+    filled: [Vec<(u32, u32)>; DIRECTIONS + 1],
 }
 
 impl Shifts {
@@ -247,11 +248,13 @@ impl Shifts {
         self.bins.resize(self.bins.len().max(area * (DIRECTIONS + 1)), 0.0);
         let mut total = 0.0;
         for p in &b.probes {
-            let at = (p.row / 2) as usize * cols + (p.col / 2) as usize;
+            let (row, col) = ((p.row / 2) as usize, (p.col / 2) as usize);
+            let at = row * cols + col;
+            let to = (rows - 1 - row) * w + cols - 1 - col;
             for (table, weight) in [(p.octant, p.weight), (DIRECTIONS, p.conflict_weight)] {
                 let bin = &mut self.bins[table * area + at];
                 if *bin == 0.0 && weight > 0.0 {
-                    self.filled[table].push(at as u32);
+                    self.filled[table].push((at as u32, to as u32));
                 }
                 *bin += weight;
             }
@@ -267,16 +270,14 @@ impl Shifts {
             let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
             // What rounding takes from one bin it gives to the next.
             let mut carry = 0.0;
-            for at in filled.drain(..).map(|at| at as usize) {
-                carry += std::mem::take(&mut self.bins[table * area + at]) * steps;
+            for (at, to) in filled.drain(..) {
+                carry += std::mem::take(&mut self.bins[table * area + at as usize]) * steps;
                 let weight = ((carry / unit) as i32).min(1000) as f32 * unit;
                 carry -= weight;
                 if weight < 1.0 {
                     continue;
                 }
-                // The bin lies in a's cell (row, col) when b is shifted by that, less its own cell.
-                let to = (rows - 1 - at / cols) * w + cols - 1 - at % cols;
-                add(&mut self.scores[to..], w, &a.runs[table], &a.values, weight as i16);
+                add(&mut self.scores[to as usize..], w, &a.runs[table], &a.values, weight as i16);
             }
         }
         let shift = |at: usize| {

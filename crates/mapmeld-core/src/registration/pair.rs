@@ -5,6 +5,7 @@ use crate::local_map::LocalMap;
 use crate::perception::placed;
 use crate::registration::{
     self, climb, correlation,
+    glance::Glance,
     search::{self, Effort, Found},
     Candidate, Mode, Registered, Rung,
 };
@@ -12,6 +13,11 @@ use crate::se2::Se2;
 use crate::verdict::{self, Background, NEGLIGIBLE};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
+
+/// Rotations at which the mirror image is looked for.
+const DECOY_ROTATIONS: usize = 4;
+/// Share of how a mode that has proven itself looks: what the mirror image looks less like is negligible, too.
+const LEAST_LOOK: f64 = 0.2;
 
 /// Registers a pair: the modes of `T_a_b`, most likely first (paper, section 3: the possible motions
 /// u_t), and what the mirror image of b reaches, which is what chance and self-similarity reach; both at each
@@ -34,6 +40,7 @@ pub fn register(
         rotations: correlation::ROTATIONS,
         has_structures: true,
         least: vec![f64::NEG_INFINITY; rungs.len()],
+        least_look: f64::NEG_INFINITY,
     };
     let Found { candidates, tops } = search::tops(ma, mb, hints, &effort, config);
     // The best of the first stories tell whether any may stand.
@@ -55,7 +62,7 @@ pub fn register(
         modes.extend(others.into_iter().filter(|_| may_stand).map(|c| mode(ma, mb, c, p)));
         modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
     }
-    let decoys = mirrored_b.filter(|_| may_stand).map(|m| decoys(ma, m, &modes, config));
+    let decoys = mirrored_b.filter(|_| may_stand).map(|m| decoys(ma, mb, m, &modes, config));
     let decoys = decoys.unwrap_or_else(|| vec![None; rungs.len()]);
     let rung = |((modes, decoy), p): ((Vec<Mode>, Option<f64>), &PerceptionConfig)| Rung {
         modes,
@@ -70,19 +77,25 @@ pub fn register(
 /// looked for only as far as it matters beside the modes that it is a decoy of.
 fn decoys(
     a: &LocalMap,
+    b: &LocalMap,
     mirrored_b: &LocalMap,
     modes: &[Vec<Mode>],
     config: &Config,
 ) -> Vec<Option<f64>> {
+    let glance = Glance::new(a, b);
+    let proven = modes.iter().filter_map(|modes| modes.first());
+    let proven = proven.filter(|m| m.evidence.log_likelihood >= search::PROVEN);
+    let looks = proven.map(|m| f64::from(glance.score(&m.t_a_b)));
     let most =
         |modes: &Vec<Mode>| modes.first().map_or(0.0, |m| m.evidence.log_likelihood.max(0.0));
     let effort = Effort {
         shortlist: config.registration.decoy_shortlist,
         modes: 1,
         stories: 1,
-        rotations: correlation::ROTATIONS / 2,
+        rotations: DECOY_ROTATIONS,
         has_structures: false,
         least: modes.iter().map(|m| NEGLIGIBLE * most(m)).collect(),
+        least_look: looks.map(|look| LEAST_LOOK * look).fold(f64::NEG_INFINITY, f64::max),
     };
     let tops = search::tops(a, mirrored_b, &[], &effort, config).tops;
     let best = |(tops, p): (Vec<Candidate>, PerceptionConfig)| {

@@ -34,7 +34,7 @@ const TELLING: f64 = 20.0;
 /// Share of the log-likelihood that matters at all which a pose must have for it to be followed any further.
 const MAY_RISE: f64 = 0.5;
 /// Log-likelihood from which the first looks at the others are held against a pose's, nats.
-const PROVEN: f64 = 60.0;
+pub(super) const PROVEN: f64 = 60.0;
 /// Candidates that are led uphill however far their looks lie behind.
 const BEGUN: usize = 16;
 
@@ -52,6 +52,8 @@ pub struct Effort {
     pub has_structures: bool,
     /// Log-likelihood below which no pose matters, nats, at each standard deviation of the walls.
     pub least: Vec<f64>,
+    /// How a candidate must look, see [`Glance::score`], for it to be led uphill.
+    pub least_look: f64,
 }
 
 /// What a search found.
@@ -136,7 +138,7 @@ impl<'s> Search<'s> {
         ends.dedup();
         let tops: Vec<Candidate> =
             ends.into_iter().flat_map(|rung| self.climbed(&begun, &hints, rung)).collect();
-        let tops = tops.into_iter().map(|c| self.weigh(c, 2 * FINAL_SAMPLES)).collect();
+        let tops = tops.into_iter().map(|c| self.weigh(c, FINAL_SAMPLES)).collect();
         (candidates, tops)
     }
 
@@ -162,7 +164,7 @@ impl<'s> Search<'s> {
         let mut begun: Vec<Weighed> = Vec::new();
         let mut bar = f64::NEG_INFINITY;
         for (k, (look, c)) in looked_at.iter().enumerate() {
-            if k >= BEGUN && *look < bar {
+            if (k >= BEGUN && *look < bar) || *look < self.effort.least_look {
                 break;
             }
             let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };
@@ -193,7 +195,7 @@ impl<'s> Search<'s> {
         let tops = tops.iter().map(|(c, fits)| (fits[rung], *c)).collect();
         let few = self.rivals(tops, rung, self.effort.modes, self.effort.stories + 1);
         let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
-        let at_top = self.with_tops(few, &climb, 2 * FINAL_SAMPLES, rung);
+        let at_top = self.with_tops(few, &climb, FINAL_SAMPLES, rung);
         let kept = self.rivals(at_top, rung, self.effort.modes, self.effort.stories);
         let apart = registration::apart(&self.rungs[rung]);
         // What strangers would fit as well is no mode, but some runner-up there must be.
@@ -312,6 +314,7 @@ mod tests {
             rotations: 4,
             has_structures: false,
             least: vec![least; 2],
+            least_look: f64::NEG_INFINITY,
         };
         let search = Search::new(&a, &b, &effort, &config).unwrap();
         let scored = some.iter().map(|(x, l)| {

@@ -359,7 +359,7 @@ def test_an_arrangement_that_the_merge_did_not_find(tmp_path: Path) -> None:
 def test_maps_count_as_done_after_a_quiet_time_and_at_the_end(tmp_path: Path) -> None:
     """What is clear enough for a merge alone is told when the maps have come to rest."""
     left, _, _ = building()
-    middle = view("middle", (4.0, 6.15), TRUTH["middle"])
+    middle = view("middle", (4.0, 6.1), TRUTH["middle"])
     records = [grid_record(1, "/left/map", left), grid_record(2, "/middle/map", middle)]
 
     def told(*more: Record) -> list[tuple[float, int]]:

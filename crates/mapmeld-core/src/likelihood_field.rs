@@ -10,8 +10,8 @@ pub use probe_view::{ProbeView, Seen, Walls};
 
 use crate::boundary::{BoundaryPoint, CellIndex};
 use crate::catchment::{self, Catchments, MAX_REACH};
-use crate::grid::{Locator, OccupancyGrid};
-use crate::se2::{Se2, Vec2};
+use crate::grid::OccupancyGrid;
+use crate::se2::Vec2;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -183,30 +183,10 @@ impl LikelihoodField {
     }
 }
 
-/// Looks points of another frame up in a field.
-#[derive(Clone, Copy)]
-pub struct FieldView<'a> {
-    field: &'a LikelihoodField,
-    locator: Locator,
-}
-
-impl<'a> FieldView<'a> {
-    /// A view of the field from a frame, `t_map_frame` given.
-    pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, t_map_frame: &Se2) -> Self {
-        Self { field, locator: grid.locator_from(t_map_frame) }
-    }
-
-    /// The wall point that is nearest to a point of the frame and oriented like `normal`, a vector of the frame.
-    #[inline(always)]
-    pub fn nearest(&self, p: Vec2, normal: Vec2) -> Option<usize> {
-        let cell = self.locator.index(p)?;
-        self.field.nearest(cell, direction(self.locator.rotate(normal)))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::se2::Se2;
     use rand::{Rng, SeedableRng};
 
     #[test]

@@ -14,10 +14,10 @@ use crate::config::Config;
 use crate::distance::DistanceTable;
 use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::ground::Ground;
-use crate::likelihood_field::{FieldView, LikelihoodField, ProbeView};
+use crate::likelihood_field::{LikelihoodField, ProbeView};
 use crate::probe::{self, Axes, Probe};
 use crate::registration::{coarse_table::CoarseTable, correlation};
-use crate::se2::{Se2, Vec2};
+use crate::se2::Vec2;
 use crate::structure::{corners, lines, Corner, Line};
 use rustc_hash::FxHashSet;
 use std::sync::OnceLock;
@@ -170,11 +170,6 @@ impl LocalMap {
             cells: class_cells(&self.grid, class, self.max_cells),
             distance: DistanceTable::to_class(&self.grid, class),
         })
-    }
-
-    /// The likelihood field as seen from another frame.
-    pub fn field_view(&self, t_map_frame: &Se2) -> FieldView<'_> {
-        FieldView::new(&self.grid, &self.field, t_map_frame)
     }
 
     /// The likelihood field as seen from another grid's axes.

@@ -11,8 +11,9 @@ use crate::config::Config;
 use crate::local_map::LocalMap;
 use crate::parallel;
 use crate::perception::likelihood;
+use crate::registration::climb::LEVER;
 use crate::result::Known;
-use crate::se2::Se2;
+use crate::se2::{Se2, Vec2};
 use crate::sparse::{Blocks, Factor};
 use crate::vicinity;
 use edge::Edge;
@@ -73,8 +74,8 @@ pub fn refine(
         let mut moved = 0.0f64;
         for (k, pose) in poses.iter_mut().enumerate() {
             let d = Vector3::new(solved[3 * k], solved[3 * k + 1], solved[3 * k + 2]);
-            *pose = pose.perturbed(&-d);
-            moved = moved.max(d.xy().norm() + 5.0 * d.z.abs());
+            *pose = moved_by(&maps[members[k]], pose, &-d);
+            moved = moved.max(d.xy().norm() + LEVER * d.z.abs());
         }
         if scale > narrow {
             scale = (0.7 * scale).max(narrow);
@@ -85,7 +86,8 @@ pub fn refine(
     let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
     let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);
     let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
-    Refined { covariances: covariances(h, pulls, held, n, resolution, config), poses, rms }
+    let arms = arms(maps, members, &poses);
+    Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
 }
 
 /// Covariances of refined poses relative to the members at the positions `held`.
@@ -103,7 +105,20 @@ pub fn uncertainty(
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
     let (h, _) = normal_equations(maps, members, poses, &edges, held, narrow);
     let pulls = tension(maps, members, poses, &edges, narrow).pulls;
-    covariances(h, pulls, held, members.len(), resolution, config)
+    covariances(h, pulls, held, &arms(maps, members, poses), resolution, config)
+}
+
+/// A map that is moved and turned about its centre.
+fn moved_by(map: &LocalMap, t_w_map: &Se2, d: &Vector3<f64>) -> Se2 {
+    let turned = Se2::from_parts(Vec2::zeros(), t_w_map.theta + d.z);
+    let center = edge::center(map, t_w_map) + d.xy();
+    Se2::from_parts(center - turned.rotate(map.center.unwrap_or_default()), turned.theta)
+}
+
+/// From the centre of each map to the origin of its frame, in the world.
+fn arms(maps: &[LocalMap], members: &[usize], poses: &[Se2]) -> Vec<Vec2> {
+    let arm = |(m, t): (&usize, &Se2)| t.translation() - edge::center(&maps[*m], t);
+    members.iter().zip(poses).map(arm).collect()
 }
 
 /// Samples of each map that tell whether two overlap.
@@ -204,11 +219,11 @@ fn covariances(
     mut information: Blocks,
     mut pulls: Blocks,
     held: &[usize],
-    n: usize,
+    arms: &[Vec2],
     resolution: f64,
     config: &Config,
 ) -> Vec<Matrix3<f64>> {
-    let p = &config.perception;
+    let (n, p) = (arms.len(), &config.perception);
     let sigma = FINEST * resolution;
     let discount = 0.5 * p.sample_spacing.max(resolution) / p.correlation_length;
     // What pulls: every wall from both sides, so twice; and the cells, as coarse as they are.
@@ -230,22 +245,28 @@ fn covariances(
     information.set_apart(held, &Matrix3::identity());
     pulls.set_apart(held, &Matrix3::zeros());
     let wide = Matrix3::from_diagonal(&Vector3::new(100.0, 100.0, 1.0));
-    let even = |own: Matrix3<f64>| 0.5 * (own + own.transpose());
+    // Of the frame's origin, which swings about the centre.
+    let of_origin = |own: Matrix3<f64>, k: usize| {
+        let arm = arms[k];
+        let j = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
+        let own = j * own * j.transpose();
+        0.5 * (own + own.transpose())
+    };
     let all: Vec<usize> = (0..n).collect();
     if n > MOST_DENSE {
         let factor = Factor::of(&information);
         return parallel::map(&all, |k| match &factor {
             _ if held.contains(k) => Matrix3::zeros(),
-            Some(factor) => even(pulls.between(&factor.columns(*k))),
-            None => wide,
+            Some(factor) => of_origin(pulls.between(&factor.columns(*k)), *k),
+            None => of_origin(wide, *k),
         });
     }
     let inverse = information.to_dense().cholesky().map(|c| c.inverse());
     let covariance = inverse.map(|inverse| &inverse * pulls.to_dense() * &inverse);
     let of_pose = |k: usize| match &covariance {
         _ if held.contains(&k) => Matrix3::zeros(),
-        Some(all) => even(all.fixed_view::<3, 3>(3 * k, 3 * k).into_owned()),
-        None => wide,
+        Some(all) => of_origin(all.fixed_view::<3, 3>(3 * k, 3 * k).into_owned(), k),
+        None => of_origin(wide, k),
     };
     all.into_iter().map(of_pose).collect()
 }

@@ -5,6 +5,7 @@
 
 mod common;
 
+use common::office;
 use mapmeld_core::config::{Config, PsiClasses};
 use mapmeld_core::distance::MAX_SQUARED;
 use mapmeld_core::grid::{Class, OccupancyGrid, UNKNOWN};
@@ -250,4 +251,27 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn layers_speak_by_the_samples_that_none_below_them_shows() {
+    let config = Config::default();
+    let map = LocalMap::new(office().draw("a", &Se2::IDENTITY, 0.05, |_| true), &config);
+    let half = office().draw("b", &Se2::IDENTITY, 0.05, |p| p.x < 9.0);
+    let maps = [LocalMap::new(half, &config), map];
+    let on = |below: &Overlay, map: usize, x: f64| {
+        below.with(&maps, map, Se2::new(x, 0.0, 0.0), 1.0, false)
+    };
+    let new = |o: &Overlay| o.layers().next().unwrap().new_samples(&maps).to_vec();
+    let first = on(&Overlay::default(), 0, 0.0);
+    assert_eq!(new(&first), (0..maps[0].samples.len() as u32).collect::<Vec<_>>());
+    assert!(new(&on(&first, 0, 0.0)).is_empty(), "it shows all of itself");
+    assert_eq!(new(&on(&first, 0, 400.0)).len(), maps[0].samples.len());
+    // What lies beyond the half that is there already, and next to nothing before.
+    let rest = new(&on(&first, 1, 0.0));
+    let beyond = |k: &u32| maps[1].samples[*k as usize].position.x > 8.5;
+    assert!(rest.iter().all(beyond), "{} new", rest.len());
+    let far =
+        (0..maps[1].samples.len() as u32).filter(|k| maps[1].samples[*k as usize].position.x > 9.9);
+    assert!(far.into_iter().all(|k| rest.contains(&k)));
 }

@@ -4,6 +4,7 @@ mod common;
 
 use common::{any_frame, apart, office, rng, Plan};
 use mapmeld_core::config::Config;
+use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::refine::{refine, Refined};
 use mapmeld_core::result::Known;
@@ -89,6 +90,38 @@ fn perturbed_poses_come_back() {
             // Walls in all directions: every axis is known to a few cells and degrees.
             assert!(c[(0, 0)].max(c[(1, 1)]).sqrt() < 0.5, "{c}");
         }
+    }
+}
+
+/// Frames may have their origins kilometres from the walls, as those of maps in map coordinates do.
+#[test]
+fn far_frames_are_refined_as_near_ones() {
+    let mut rng = rng(7);
+    let (near, frames) = robots(&mut rng, 3);
+    let far_off = Se2::new(4000.0, -3000.0, 0.0);
+    let far: Vec<LocalMap> = near
+        .iter()
+        .map(|m| {
+            let g = &m.grid;
+            let origin = far_off.inverse().compose(&g.origin());
+            let grid =
+                OccupancyGrid::new("far", g.width(), g.height(), CELL, origin, g.cells().to_vec());
+            LocalMap::new(grid.unwrap(), &Config::default())
+        })
+        .collect();
+    let (_, off) = perturbed(&mut rng, &near, &frames, 0);
+    let refined = |maps: &[LocalMap], poses: &[Se2]| {
+        refine(maps, &[0, 1, 2], poses, &[0], &Known::default(), &Config::default())
+    };
+    let far_poses: Vec<Se2> = off.iter().map(|t| t.compose(&far_off)).collect();
+    let (near_by, far_away) = (refined(&near, &off), refined(&far, &far_poses));
+    for k in 1..3 {
+        let same = far_away.poses[k].compose(&far_off.inverse());
+        let (metres, degrees) = apart(&same, &near_by.poses[k], near[k].center.unwrap());
+        assert!(metres < 0.02 * CELL && degrees < 0.01, "{metres} {degrees}");
+        let turn = |r: &Refined| r.covariances[k][(2, 2)].sqrt();
+        let ratio = turn(&far_away) / turn(&near_by);
+        assert!((ratio - 1.0).abs() < 0.05, "map {k}: {ratio}");
     }
 }
 

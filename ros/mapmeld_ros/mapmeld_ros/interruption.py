@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import signal
 import socket
@@ -14,26 +15,21 @@ PATIENCE = 8.0
 
 
 class Interruption:
-    """Hears the request to end, without doing anything to the ROS context.
+    """Hears the request to end, from its making on, without doing anything to the ROS context.
 
     rclpy's own handlers end the context at once, under threads that publish and log: what these do then
-    fails, and now and then one of them never returned.
-
-    From the request on the process has PATIENCE; then where its threads stand is written to stderr, and it
-    ends with exit code 1, whichever of them holds what.
-
-    on_request: called once, on a thread of its own, after is_requested is set. Made on the main thread.
+    fails, and now and then one of them never returned. Made on the main thread.
     """
 
-    def __init__(self, on_request: Callable[[], object]) -> None:
-        self._on_request = on_request
+    def __init__(self) -> None:
+        self.wake: Callable[[], object] = lambda: None
+        """Called on the request, on a thread of its own: has the main thread look at is_requested."""
         self._event = threading.Event()
         # The handler may run on any thread, and Python's part of it only when the main thread comes to it:
         # the byte is written at once.
-        self._heard, told = socket.socketpair()
-        told.setblocking(False)
-        self._told = told
-        signal.set_wakeup_fd(told.fileno(), warn_on_full_buffer=False)
+        self._heard, self._told = socket.socketpair()
+        self._told.setblocking(False)
+        signal.set_wakeup_fd(self._told.fileno(), warn_on_full_buffer=False)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _nothing)
         threading.Thread(target=self._wait, name="interruption", daemon=True).start()
@@ -45,9 +41,18 @@ class Interruption:
 
     def _wait(self) -> None:
         self._heard.recv(1)
-        faulthandler.dump_traceback_later(PATIENCE, exit=True)
+        end_soon()
+        # Before the event: what is woken by it may take away what wakes.
+        self.wake()
         self._event.set()
-        self._on_request()
+
+
+def end_soon() -> None:
+    """From here on the process has PATIENCE; then where its threads stand is written to stderr, and it ends
+    with exit code 1, whichever of them holds what."""
+    # Without a stderr there is nobody to tell.
+    with contextlib.suppress(RuntimeError):
+        faulthandler.dump_traceback_later(PATIENCE, exit=True)
 
 
 def _nothing(number: int, frame: FrameType | None) -> None:

@@ -13,19 +13,21 @@ import sys, threading
 from mapmeld_ros import interruption
 interruption.PATIENCE = 0.5
 asked = threading.Event()
-interruption = interruption.Interruption(asked.set)
-assert not interruption.is_requested
+here = interruption.Interruption()
+here.wake = asked.set
+assert not here.is_requested
 print("ready", flush=True)
 asked.wait()
-assert interruption.is_requested
+while not here.is_requested:
+    pass
 """
 # Keeps the interpreter lock, as a call into a middleware does that waits for another thread.
 STUCK = "import ctypes; ctypes.PyDLL(None).sleep(60)"
 
 
-def run(script: str, *signals: signal.Signals) -> tuple[int, str]:
+def run(script: str, *signals: signal.Signals, start: str = START) -> tuple[int, str]:
     process = subprocess.Popen(
-        [sys.executable, "-c", START + script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", start + script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
@@ -47,4 +49,8 @@ def test_to_be_asked_again_changes_nothing() -> None:
 def test_a_process_that_is_stuck_is_ended_and_says_where() -> None:
     code, said = run(STUCK, signal.SIGTERM)
     assert code == 1
-    assert "line 11 in <module>" in said
+    assert "line 13 in <module>" in said
+
+
+def test_without_a_stderr_it_is_heard_as_well() -> None:
+    assert run("sys.exit(3)", signal.SIGINT, start=f"import os; os.close(2)\n{START}") == (3, "")

@@ -69,3 +69,59 @@ impl Floor {
         self.area * f64::from(shared)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::grid::UNKNOWN;
+    use crate::local_map::LocalMap;
+    use crate::probe::Axes;
+    use crate::se2::Se2;
+
+    /// A room of 6 x 4 m, in cells of 0.1 m, whose left third nobody has seen.
+    fn room() -> LocalMap {
+        let (w, h) = (60, 40);
+        let cell = |k: usize| match (k / w, k % w) {
+            (_, col) if col < 20 => UNKNOWN,
+            (0 | 39, _) | (_, 59) => 100,
+            _ => 0,
+        };
+        let origin = Se2::new(-7.0, 3.0, 0.4);
+        let grid = OccupancyGrid::new("g", w, h, 0.1, origin, (0..w * h).map(cell).collect());
+        LocalMap::new(grid.unwrap(), &Config::default())
+    }
+
+    #[test]
+    fn open_floor_is_free_where_the_other_map_is() {
+        let map = room();
+        // Two cells from what is not free: columns 21 to 57, rows 2 to 37.
+        let open = 3.7 * 3.6;
+        let free_at = |x: f64| {
+            let view = map.probe_view(Axes::new(&Se2::new(x, 0.0, 0.0)));
+            map.floor.free_in(&[(&map.ground, view)])
+        };
+        assert!((free_at(0.0) - open).abs() < 0.01 * open, "{}", free_at(0.0));
+        // A metre to the left, 0.9 m of it lies in the unknown, to the right as much in the wall and beyond.
+        for x in [-1.0, 1.0] {
+            assert!((free_at(x) - open * 2.8 / 3.7).abs() < 0.02 * open, "{}", free_at(x));
+        }
+        assert_eq!(free_at(9.0), 0.0);
+        // Where one of two maps knows nothing the other has the word; where they differ, each has half of it.
+        let views = |x: f64| {
+            let at = |x: f64| map.probe_view(Axes::new(&Se2::new(x, 0.0, 0.0)));
+            map.floor.free_in(&[(&map.ground, at(0.0)), (&map.ground, at(x))])
+        };
+        assert!((views(9.0) - free_at(0.0)).abs() < 1e-4);
+        assert!(views(1.0) > free_at(1.0) && views(1.0) <= free_at(0.0));
+    }
+
+    #[test]
+    fn that_of_the_mirror_image_is_free_in_it() {
+        let (map, mirrored) = (room(), room().mirrored());
+        let view =
+            |m: &LocalMap| m.floor.free_in(&[(&m.ground, m.probe_view(Axes::new(&Se2::IDENTITY)))]);
+        assert!(view(&map) > 5.0);
+        assert!((view(&map) - view(&mirrored)).abs() < 0.02 * view(&map));
+    }
+}

@@ -13,6 +13,7 @@ use crate::perception::held::{self, AxesPose, Held, Puller};
 use crate::perception::likelihood::{self, WallEvidence};
 use crate::perception::placed::Placed;
 use crate::perception::pull::Pull;
+use crate::registration::climb::LEVER;
 use crate::se2::{Rigid, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,8 +26,6 @@ const STILL: f64 = 0.02;
 const NARROWING: f64 = 0.65;
 /// Standard deviation of a patch's motion against the rigid pose, metres: holds loose patches.
 const LEASH: f64 = 0.5;
-/// Metres that a turn of one radian moves walls by, about.
-const LEVER: f64 = 5.0;
 
 /// The motion of one patch against the rigid pose: a turn about the patch's centre, then a shift.
 #[derive(Debug, Clone, Copy)]

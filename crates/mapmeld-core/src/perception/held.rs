@@ -129,3 +129,56 @@ pub(super) fn pull_of(held: &Held, (s, c): (f64, f64), shift: Vec2, pull: &mut P
         pull.add(&m);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::grid::OccupancyGrid;
+    use crate::local_map::LocalMap;
+    use crate::se2::Se2;
+
+    /// Two walls at a right angle, far from the origin of the map's frame.
+    fn map() -> LocalMap {
+        let cell = |k: usize| if k % 60 == 30 || k / 60 == 20 { 100 } else { 0 };
+        let cells = (0..60 * 50).map(cell).collect();
+        let origin = Se2::new(4000.0, -300.0, 0.7);
+        LocalMap::new(
+            OccupancyGrid::new("g", 60, 50, 0.1, origin, cells).unwrap(),
+            &Config::default(),
+        )
+    }
+
+    fn at(t: &Se2) -> AxesPose {
+        (t.theta, t.to_rigid())
+    }
+
+    #[test]
+    fn walls_that_are_held_pull_a_patch_back_as_far_as_it_has_moved() {
+        let map = map();
+        let puller = Puller::new(&Placed { map: &map, t_world_map: Se2::IDENTITY, samples: None });
+        let rigid = at(&map.grid.origin());
+        let (shift, turn) = (Vec2::new(0.03, -0.02), 0.01f64);
+        let mut pulled = false;
+        for patch in &map.patches {
+            let mut held = Held::new(&patch.blocks, &rigid, patch.center);
+            held.find(&patch.blocks, &rigid, [&puller].into_iter());
+            // All walls weigh alike under so wide a kernel.
+            let pull = |turn: f64, shift: Vec2| {
+                let mut pull = Pull::new(Vec2::zeros(), 1e3);
+                pull_of(&held, turn.sin_cos(), shift, &mut pull);
+                (pull.information(), pull.gradient())
+            };
+            let (h, at_rest) = pull(0.0, Vec2::zeros());
+            assert!(at_rest.norm() < 1e-3, "it lies on itself: {at_rest:?}");
+            let (_, moved) = pull(turn, shift);
+            let expected = h * shift.push(turn);
+            assert!(
+                (moved - expected).norm() < 0.02 * expected.norm() + 1e-3,
+                "{moved:?} {expected:?}"
+            );
+            pulled |= expected.norm() > 0.1;
+        }
+        assert!(pulled);
+    }
+}

@@ -17,7 +17,7 @@ struct Facing<'a> {
     view: ProbeView<'a>,
     /// Patches of the one map that may lie on the other.
     patches: Vec<&'a Patch>,
-    /// The origin of the first map of the edge.
+    /// What is turned about, amid the walls: single precision must suffice.
     pivot: Vec2,
     /// Turns (x, y, theta) from the axes to the world.
     turn: Matrix3<f64>,
@@ -61,20 +61,26 @@ fn pull_of(facing: &Facing, pull: &mut Pull) {
     }
 }
 
-/// Two maps at their places. Sums are of (x, y, theta) of the first one's pose, then of the second's.
+/// What a map at its place turns about: the middle of what is known, since its frame's origin may lie anywhere, and far
+/// from all walls.
+pub(super) fn center(map: &LocalMap, t_w_map: &Se2) -> Vec2 {
+    t_w_map.apply(map.center.unwrap_or_default())
+}
+
+/// Two maps at their places. Sums are of (x, y, theta) of the first one, turning about its centre, then of the second.
 pub(super) struct Edge<'a> {
     /// Walls of the second on those of the first, and the other way round.
     sides: [Facing<'a>; 2],
-    /// A wall turns with its own map, so both Jacobians are taken at the other map's point. That of the first pose is
-    /// `-(nx, ny, c)`, c the turn of the point about it; that of the second is the same as seen from there, which this
-    /// makes of it. So the sums are made of the former alone.
+    /// A wall turns with its own map, so both Jacobians are taken at the other map's point. That of the first map is
+    /// `-(nx, ny, c)`, c the turn of the point about the first centre; that of the second is the same as seen from its
+    /// own centre, which this makes of it. So the sums are made of the former alone.
     to_second: Matrix3<f64>,
 }
 
 impl<'a> Edge<'a> {
     pub fn new([a, b]: [(&'a LocalMap, &Se2); 2]) -> Self {
-        let pivot = a.1.translation();
-        let d = b.1.translation() - pivot;
+        let [pivot, second] = [a, b].map(|(map, t_w_map)| center(map, t_w_map));
+        let d = second - pivot;
         let to_second = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, d.y, -d.x, 1.0);
         Self { sides: [Facing::new(b, a, pivot), Facing::new(a, b, pivot)], to_second }
     }

@@ -69,7 +69,7 @@ pub fn wide(a: &LocalMap, b: &LocalMap) -> f64 {
 /// So many steps, in all, that go back on the one before end a climb: it goes to and fro between cells.
 const MOST_TO_AND_FRO: usize = 3;
 /// Metres that a turn of one radian moves walls by, about.
-const LEVER: f64 = 5.0;
+pub const LEVER: f64 = 5.0;
 
 /// Steps shorter than this, in cells, lead nowhere any more.
 pub const STILL: f64 = 0.06;

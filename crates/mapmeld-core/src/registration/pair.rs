@@ -85,7 +85,8 @@ fn decoys(
     let glance = Glance::new(a, b);
     let proven = modes.iter().filter_map(|modes| modes.first());
     let proven = proven.filter(|m| m.evidence.log_likelihood >= search::PROVEN);
-    let looks = proven.map(|m| f64::from(glance.score(&m.t_a_b)));
+    // What is bent may lie right and look like nothing.
+    let looks = proven.map(|m| f64::from(glance.score(&m.t_a_b))).filter(|look| *look > 0.0);
     let most =
         |modes: &Vec<Mode>| modes.first().map_or(0.0, |m| m.evidence.log_likelihood.max(0.0));
     let effort = Effort {
@@ -95,7 +96,7 @@ fn decoys(
         rotations: DECOY_ROTATIONS,
         has_structures: false,
         least: modes.iter().map(|m| NEGLIGIBLE * most(m)).collect(),
-        least_look: looks.map(|look| LEAST_LOOK * look).fold(f64::NEG_INFINITY, f64::max),
+        least_look: looks.reduce(f64::min).map_or(f64::NEG_INFINITY, |look| LEAST_LOOK * look),
     };
     let tops = search::tops(a, mirrored_b, &[], &effort, config).tops;
     let best = |(tops, p): (Vec<Candidate>, PerceptionConfig)| {

@@ -20,7 +20,7 @@ const BRIEF_SAMPLES: usize = 32;
 const FIRST_SAMPLES: usize = 128;
 /// Samples of each map that a climb follows.
 const CLIMB_SAMPLES: usize = 256;
-/// Samples of each map that the last climb of a mode follows.
+/// Samples of each map that the last climb of a mode follows, and that tell what its top reaches.
 const FINAL_SAMPLES: usize = 512;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.1;

@@ -115,9 +115,9 @@ fn far_frames_are_refined_as_near_ones() {
     };
     let far_poses: Vec<Se2> = off.iter().map(|t| t.compose(&far_off)).collect();
     let (near_by, far_away) = (refined(&near, &off), refined(&far, &far_poses));
-    for k in 1..3 {
+    for (k, map) in near.iter().enumerate().skip(1) {
         let same = far_away.poses[k].compose(&far_off.inverse());
-        let (metres, degrees) = apart(&same, &near_by.poses[k], near[k].center.unwrap());
+        let (metres, degrees) = apart(&same, &near_by.poses[k], map.center.unwrap());
         assert!(metres < 0.02 * CELL && degrees < 0.01, "{metres} {degrees}");
         let turn = |r: &Refined| r.covariances[k][(2, 2)].sqrt();
         let ratio = turn(&far_away) / turn(&near_by);

@@ -13,7 +13,7 @@ use crate::parallel;
 use crate::perception::likelihood;
 use crate::registration::climb::LEVER;
 use crate::result::Known;
-use crate::se2::{Se2, Vec2};
+use crate::se2::{self, Se2, Vec2};
 use crate::sparse::{Blocks, Factor};
 use crate::vicinity;
 use edge::Edge;
@@ -24,6 +24,9 @@ const FINEST: f64 = 0.41;
 
 /// Up to so many poses a dense factorisation is as fast.
 const MOST_DENSE: usize = 64;
+
+/// Rounds in which it is asked anew which maps' walls agree, at most.
+const ROUNDS: usize = 3;
 
 /// Poses after refinement.
 #[derive(Debug, Clone)]
@@ -46,17 +49,44 @@ pub fn refine(
     known: &Known,
     config: &Config,
 ) -> Refined {
-    let n = members.len();
     let mut poses = poses.to_vec();
-    let edges = overlapping(maps, members, &poses, known, config);
+    let mut edges = overlapping(maps, members, &poses, known, config);
     let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let narrow =
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
+    for _ in 0..ROUNDS {
+        descend(maps, members, &mut poses, &edges, held, narrow, config);
+        // Which walls agree is better known now.
+        let agreeing = overlapping(maps, members, &poses, known, config);
+        if agreeing == edges {
+            break;
+        }
+        edges = agreeing;
+    }
+    let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
+    let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);
+    let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
+    let arms = arms(maps, members, &poses);
+    Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
+}
+
+/// Leads poses to where the walls of the edges fit best under a kernel that narrows down.
+fn descend(
+    maps: &[LocalMap],
+    members: &[usize],
+    poses: &mut [Se2],
+    edges: &[(usize, usize)],
+    held: &[usize],
+    narrow: f64,
+    config: &Config,
+) {
+    let n = members.len();
+    let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let reach = members.iter().map(|m| maps[*m].reach()).fold(f64::INFINITY, f64::min);
     let mut scale = (0.5 * reach).max(narrow);
     let iterations = if edges.is_empty() { 0 } else { config.refine.max_iterations };
     for _ in 0..iterations {
-        let (mut h, g) = normal_equations(maps, members, &poses, &edges, held, scale);
+        let (mut h, g) = normal_equations(maps, members, poses, edges, held, scale);
         // Levenberg's damping, the same along both axes: a share of each axis' own information would
         // let a bare corridor, along which there is next to none, slide by any distance.
         for k in 0..n {
@@ -83,11 +113,6 @@ pub fn refine(
             break;
         }
     }
-    let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
-    let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);
-    let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
-    let arms = arms(maps, members, &poses);
-    Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
 }
 
 /// Covariances of refined poses relative to the members at the positions `held`.
@@ -245,13 +270,7 @@ fn covariances(
     information.set_apart(held, &Matrix3::identity());
     pulls.set_apart(held, &Matrix3::zeros());
     let wide = Matrix3::from_diagonal(&Vector3::new(100.0, 100.0, 1.0));
-    // Of the frame's origin, which swings about the centre.
-    let of_origin = |own: Matrix3<f64>, k: usize| {
-        let arm = arms[k];
-        let j = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
-        let own = j * own * j.transpose();
-        0.5 * (own + own.transpose())
-    };
+    let of_origin = |own: Matrix3<f64>, k: usize| se2::swung(&own, arms[k]);
     let all: Vec<usize> = (0..n).collect();
     if n > MOST_DENSE {
         let factor = Factor::of(&information);

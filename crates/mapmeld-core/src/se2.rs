@@ -196,6 +196,14 @@ impl Rigid {
     }
 }
 
+/// Covariance of the pose of a frame whose origin lies at the end of an arm, from that of a frame, turned alike, at its
+/// beginning: a turn swings it.
+pub fn swung(covariance: &Matrix3<f64>, arm: Vec2) -> Matrix3<f64> {
+    let j = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
+    let swung = j * covariance * j.transpose();
+    0.5 * (swung + swung.transpose())
+}
+
 /// Weighted mean of transforms that lie close together: the fixed point of the average perturbation.
 /// Weights must be non-negative with a positive sum.
 pub fn mean(transforms: &[Se2], weights: &[f64]) -> Se2 {
@@ -271,6 +279,27 @@ mod tests {
                 epsilon = 1e-6,
                 max_relative = 1e-4
             );
+        }
+    }
+
+    #[test]
+    fn a_frame_that_is_held_at_a_point_swings_about_it() {
+        let cov = Matrix3::new(0.04, 0.01, 0.002, 0.01, 0.09, -0.003, 0.002, -0.003, 0.01);
+        for t in nasty() {
+            // The arm turns with the frame.
+            let arm = Vec2::new(30.0, -8.0);
+            let origin = |d: &Vector3<f64>| {
+                let turned = Se2::new(0.0, 0.0, d.z).rotate(arm);
+                Se2::from_parts(t.translation() + d.xy() + turned, t.theta + d.z)
+            };
+            let mut j = Matrix3::zeros();
+            for k in 0..3 {
+                let mut d = Vector3::zeros();
+                d[k] = 1e-5;
+                j.set_column(k, &(origin(&d).minus(&origin(&-d)) / 2e-5));
+            }
+            let expected = j * cov * j.transpose();
+            assert_relative_eq!(swung(&cov, arm), expected, epsilon = 1e-6, max_relative = 1e-4);
         }
     }
 

@@ -93,6 +93,29 @@ fn perturbed_poses_come_back() {
     }
 }
 
+/// Which walls agree is known only once the maps lie right: the answer is where they pull at each other then.
+#[test]
+fn what_was_refined_stays() {
+    for seed in 0..26 {
+        let mut rng = rng(seed);
+        let (maps, frames) = robots(&mut rng, 4);
+        let (_, mut off) = perturbed(&mut rng, &maps, &frames, 0);
+        // So far off that some walls which belong together do not agree yet.
+        for (k, t) in off.iter_mut().enumerate().skip(1) {
+            let far = 0.12 * k as f64;
+            let mut by = || rng.random_range(-far..far);
+            *t = Se2::new(by(), by(), 0.05 * by()).compose(t);
+        }
+        let again = |poses: &[Se2]| {
+            refine(&maps, &[0, 1, 2, 3], poses, &[0], &Known::default(), &Config::default())
+        };
+        let once = again(&off);
+        let twice = again(&once.poses);
+        let (metres, degrees) = worst(&maps, &twice.poses, &once.poses);
+        assert!(metres < 0.05 * CELL && degrees < 0.02, "seed {seed}: {metres} m, {degrees}");
+    }
+}
+
 /// Frames may have their origins kilometres from the walls, as those of maps in map coordinates do.
 #[test]
 fn far_frames_are_refined_as_near_ones() {

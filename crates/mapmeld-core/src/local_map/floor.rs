@@ -54,20 +54,26 @@ impl Floor {
 
     /// How much of it is free in other maps, square metres: where several know a point, each has its share of the word.
     pub fn free_in(&self, others: &[(&Ground, ProbeView)]) -> f64 {
-        let mut shared = 0.0f32;
-        for block in &self.points {
-            let (mut free, mut known) = ([0.0f32; LANES], [0.0f32; LANES]);
-            for (ground, view) in others {
-                for (k, cell) in view.see(block).cell.into_iter().enumerate() {
-                    let cell = cell as usize;
-                    free[k] += f32::from(u8::from(ground.depth_squared(cell) > 0));
-                    known[k] += f32::from(u8::from(!ground.is_unknown(cell)));
-                }
-            }
-            shared += (0..LANES).map(|k| free[k] / known[k].max(1.0)).sum::<f32>();
-        }
-        self.area * f64::from(shared)
+        self.area * f64::from(free_of(&self.points, others))
     }
+}
+
+/// How many of some points are free.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn free_of(points: &[Block], others: &[(&Ground, ProbeView)]) -> f32 {
+    let mut shared = 0.0f32;
+    for block in points {
+        let (mut free, mut known) = ([0.0f32; LANES], [0.0f32; LANES]);
+        for (ground, view) in others {
+            for (k, cell) in view.see(block).cell.into_iter().enumerate() {
+                let cell = cell as usize;
+                free[k] += f32::from(u8::from(ground.depth_squared(cell) > 0));
+                known[k] += f32::from(u8::from(!ground.is_unknown(cell)));
+            }
+        }
+        shared += (0..LANES).map(|k| free[k] / known[k].max(1.0)).sum::<f32>();
+    }
+    shared
 }
 
 #[cfg(test)]

@@ -6,6 +6,8 @@
 
 use crate::blocks::{self, Block, LANES};
 use crate::config::PerceptionConfig;
+use crate::ground::Ground;
+use crate::likelihood_field::ProbeView;
 use crate::perception::placed::Placed;
 use crate::vicinity::Outline;
 
@@ -53,12 +55,18 @@ fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 
             (some.as_slice(), step as f64)
         }
     };
+    share * most(asked, &views, config)
+}
+
+/// The most that some samples may say of others.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn most(asked: &[Block], others: &[(&Ground, ProbeView)], config: &PerceptionConfig) -> f64 {
     let firmness = (STIFF / config.bend_shift).min(1.0);
     let excuses = [config.conflict, config.straight_conflict].map(|c| c * firmness);
     let mut sum = 0.0;
     for block in asked {
         let (mut hits, mut conflicts) = ([0.0; LANES], [0.0; LANES]);
-        for (ground, view) in &views {
+        for (ground, view) in others {
             let seen = view.see(block);
             let walls = view.walls(&seen, 0);
             for k in 0..LANES {
@@ -75,5 +83,5 @@ fn one_way(from: &Placed, others: &[&Placed], config: &PerceptionConfig) -> f64 
             sum += (agreed + against) / (hits[k] + conflicts[k]);
         }
     }
-    share * sum
+    sum
 }

@@ -1,7 +1,7 @@
 //! The walls that a patch of wall samples was found on: held while the patch moves, since to find them waits for memory.
 
 use crate::blocks::{Block, LANES};
-use crate::likelihood_field::Walls;
+use crate::likelihood_field::{ProbeView, Walls};
 use crate::perception::placed::Placed;
 use crate::perception::pull::{Matches, Pull};
 use crate::probe::Axes;
@@ -102,12 +102,18 @@ impl Held {
             let view =
                 puller.placed.map.probe_view(Axes::from_parts(t.translation(), turn, t.sin_cos()));
             let axes = from_center(&(puller.theta, puller.t_world_axes), self.center);
-            for (k, block) in samples.iter().enumerate() {
-                let walls = view.walls(&view.see(block), 0);
-                if (0..LANES).any(|lane| walls.is_there(lane)) {
-                    self.lines.push(Lines::new(k, &walls, &axes));
-                }
-            }
+            find_on(&view, samples, &axes, &mut self.lines);
+        }
+    }
+}
+
+/// Adds the walls of one map on which the samples lie.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn find_on(view: &ProbeView, samples: &[Block], axes: &Axes, lines: &mut Vec<Lines>) {
+    for (k, block) in samples.iter().enumerate() {
+        let walls = view.walls(&view.see(block), 0);
+        if (0..LANES).any(|lane| walls.is_there(lane)) {
+            lines.push(Lines::new(k, &walls, axes));
         }
     }
 }

@@ -180,8 +180,9 @@ impl Said {
 }
 
 /// Sums what targets say of samples; where several targets see a sample, each has its share of the word.
-fn tally<'s>(
-    blocks: impl IntoIterator<Item = &'s Block>,
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn tally(
+    blocks: &[Block],
     targets: &[Target],
     spacing: f64,
     config: &PerceptionConfig,

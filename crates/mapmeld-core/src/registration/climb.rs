@@ -1,13 +1,12 @@
 //! From a candidate to the local maximum of the likelihood, and the Gaussian there (paper, section 3;
 //! the improved proposal of Stachniss, Grisetti, Burgard, Roy, IROS 2007).
 
-use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
 use crate::perception::pull::{Matches, Pull};
 use crate::probe::{axes_of, Axes};
-use crate::se2::{Se2, Vec2};
+use crate::se2::{self, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
 /// Walls of b that fall on like-oriented walls of a, and the other way round, in the axes of grid a; of each map so
@@ -211,28 +210,23 @@ pub fn covariance(
     let sigma = perception.climb_sigma.max(resolution);
     // Both directions tell of the same walls: half each.
     let discount = 0.5 * a.spacing.max(b.spacing) / perception.correlation_length;
-    // Upper triangle of the information, row by row.
-    let mut h = [0.01, 0.0, 0.0, 0.01, 0.0, 1.0];
-    let to_a = a.grid.origin().to_rigid();
-    matches(a, b, &axes_of(&a.grid, &b.grid, t_a_b), (usize::MAX, usize::MAX), |m| {
-        for k in (0..LANES).filter(|k| m.is_there(*k)) {
-            let r = to_a.apply(Vec2::new(m.x[k].into(), m.y[k].into())) - t_a_b.translation();
-            let n = to_a.rotate(Vec2::new(m.nx[k].into(), m.ny[k].into()));
-            let turn = n.y * r.x - n.x * r.y;
-            let w = discount * robust_weight(m.residual[k].into(), sigma) / (sigma * sigma);
-            let (wx, wy) = (w * n.x, w * n.y);
-            let more = [wx * n.x, wx * n.y, wx * turn, wy * n.y, wy * turn, w * turn * turn];
-            h.iter_mut().zip(more).for_each(|(h, more)| *h += more);
-        }
-    });
-    let [xx, xy, xt, yy, yt, tt] = h;
-    let h = Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt);
-    h.try_inverse().expect("information holds a positive prior")
+    // About the middle of b's walls: single precision must suffice.
+    let center = t_a_b.apply(b.center.unwrap_or_default());
+    let to_a = a.grid.origin();
+    let mut pull = Pull::new(to_a.inverse().apply(center), sigma);
+    pull_of(a, b, &axes_of(&a.grid, &b.grid, t_a_b), usize::MAX, &mut pull);
+    let prior = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
+    let h = discount / (sigma * sigma) * pull.information() + prior;
+    let of_center = h.try_inverse().expect("information holds a positive prior");
+    se2::swung(&to_a.transport_covariance(&of_center), t_a_b.translation() - center)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::blocks::LANES;
+    use crate::config::Config;
+    use crate::grid::OccupancyGrid;
 
     /// How many times a climb from x = 0.1 m asks for walls that pull back so many times as far as x, 50 times at most.
     fn asked(back: f64) -> usize {
@@ -255,6 +249,29 @@ mod tests {
             pull.add(&m);
         });
         asked.get()
+    }
+
+    /// Of the same walls, wherever the maps' frames have their origins.
+    #[test]
+    fn covariances_are_no_matter_of_frames() {
+        let config = Config::default();
+        let at_corner = |a: Se2, b: Se2| {
+            let [map_a, map_b] = [a, b].map(|origin| {
+                let is_wall = |row: usize, col: usize| row == 20 || col == 30 && row > 20;
+                let cell = |k: usize| if is_wall(k / 70, k % 70) { 100 } else { 0 };
+                let cells = (0..60 * 70).map(cell).collect();
+                let grid = OccupancyGrid::new("g", 70, 60, 0.1, origin, cells).unwrap();
+                LocalMap::new(grid, &config)
+            });
+            let t_a_b = a.compose(&b.inverse());
+            let of_origin = covariance(&map_a, &map_b, &t_a_b, &config.perception);
+            let of_corner = se2::swung(&of_origin, a.translation() - t_a_b.translation());
+            a.inverse().transport_covariance(&of_corner)
+        };
+        let near = at_corner(Se2::IDENTITY, Se2::IDENTITY);
+        let far = at_corner(Se2::new(5000.0, 200.0, 2.0), Se2::new(-300.0, 4000.0, -1.0));
+        assert!(near.symmetric_eigenvalues().min() > 0.0 && near[(0, 0)].sqrt() < 0.05, "{near}");
+        assert!((far - near).norm() < 1e-3 * near.norm(), "{near} {far}");
     }
 
     #[test]

@@ -86,6 +86,7 @@ def _plan(args: argparse.Namespace) -> Plan:
             strangers=2,
             scattered=1,
             wholes=1,
+            draws=2,
         )
     return Plan(args.cache, only, args.seeds, args.sample, args.unrelated)
 

@@ -109,13 +109,14 @@ class PairMerge:
 
 @dataclass(frozen=True)
 class WholeMerge:
-    """All maps of a case at once."""
+    """All maps of a case at once, or those of some names."""
 
     folder: Path
     seed: int
+    names: tuple[str, ...] = ()
 
     def run(self) -> Row:
-        files = trust_cases.map_files(self.folder)
+        files = [m for m in trust_cases.map_files(self.folder) if not self.names or m.name in self.names]
         grids = [trust_cases.grid(m.path, m.name) for m in files]
         started = time.perf_counter()
         result = mapmeld.merge(grids, seed=self.seed, threads=1)
@@ -145,7 +146,9 @@ class WholeMerge:
             "maps": len(files),
             "placed": most if most > 1 else 0,
             "joined": joined,
+            "right": len(errors),
             "wrong": wrong,
+            "parts": len(result.components),
             "error_m": statistics.median(errors) if errors else None,
             "seconds": seconds,
         }

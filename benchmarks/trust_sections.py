@@ -32,8 +32,8 @@ class Plan:
 
     only: texts in the names of cases, None for all. seeds: of the merges, from 1. sample: at most so many
     pairs, and cases, of each section. worlds: of the simulated buildings; strangers, scattered and wholes:
-    how many of each a world. unrelated: pairs of these and of recorded maps. cache: folder of what is
-    simulated.
+    how many of each a world. draws: of some of a case's maps, for each case. unrelated: pairs of these and of
+    recorded maps. cache: folder of what is simulated.
     """
 
     cache: Path
@@ -45,6 +45,7 @@ class Plan:
     strangers: int = 12
     scattered: int = 4
     wholes: int = 6
+    draws: int = 40
 
     @property
     def folders(self) -> list[Path]:
@@ -109,6 +110,18 @@ def same(plan: Plan) -> Sequence[Task]:
 def whole(plan: Plan) -> Sequence[Task]:
     recorded = [WholeMerge(f, seed) for f in plan.whole_cases() for seed in range(1, plan.seeds + 1)]
     return [*recorded, *(WholeMerge(f, 1) for f in plan.some(plan.simulated_wholes()))]
+
+
+def some(plan: Plan) -> Sequence[Task]:
+    """Three to six maps of every recorded case of six or more, drawn at random: what holds them together differs."""
+    rng = random.Random(7)
+    found = []
+    for folder in plan.whole_cases():
+        names = [m.name for m in trust_cases.map_files(folder)]
+        for seed in range(1, 1 + plan.draws * (len(names) >= 6)):
+            few = rng.sample(names, rng.randint(3, min(6, len(names) - 1)))
+            found.append(WholeMerge(folder, seed, tuple(sorted(few))))
+    return found
 
 
 def invariance(plan: Plan) -> Sequence[Task]:
@@ -178,6 +191,7 @@ PARTS: dict[str, Part] = {
     ),
     "same": Part("One building, nothing in common", same, trust_tables.same),
     "whole": Part("All maps of a case at once", whole, trust_tables.whole),
+    "some": Part("Some maps of a case at once", some, trust_tables.some),
     "calibration": Part(
         "Stated probabilities",
         None,

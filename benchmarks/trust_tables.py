@@ -185,6 +185,18 @@ seeds. Of simulated cases only the linked maps are asked for.
 """
 
 
+def some(rows: Rows) -> Section:
+    """Some maps of a case at once."""
+    table = []
+    for case in dict.fromkeys(r["case"] for r in rows):
+        mine = [r for r in rows if r["case"] == case]
+        sums = (sum(r[key] for r in mine) for key in ("maps", "parts", "joined", "right", "wrong"))
+        table.append((case, len(mine), *sums))
+    columns = ("case", "merges", "maps", "parts", "joined pairs", "right", "wrong")
+    wrong, joined = (sum(r[key] for r in rows) for key in ("wrong", "joined"))
+    return bench_report.table(columns, table), [_zero("some maps of a case: wrong pairs", wrong, joined)]
+
+
 def pair_key(row: dict[str, Any]) -> tuple[str, ...]:
     """What tells a pair from others, whatever the seed."""
     return row["case_a"], row["a"], row["case_b"], row["b"]

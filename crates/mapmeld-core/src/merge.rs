@@ -230,15 +230,20 @@ pub(crate) fn travel(
                 tell(listener, || Event::stepped(&robot, (told, step), travelled.len(), clusters));
             }
         };
-        let mut steps = Vec::new();
+        let (mut steps, mut is_settled) = (Vec::new(), robot.parts.is_some());
         loop {
             let visited = robot.open.iter().filter(|o| !**o).count() + steps.len();
             observe(observer, Stage::Filter, visited, robot.open.len())?;
             let step = filter.step_told(&robot, listener.is_some().then_some(&told));
-            if step.advanced == 0 {
+            if step.advanced > 0 {
+                steps.push(step);
+            } else if is_settled || visited + 1 == robot.open.len() {
                 break;
+            } else {
+                // The noise of draws must not have the last word on the maps that are left.
+                filter.settle(&robot);
+                is_settled = true;
             }
-            steps.push(step);
         }
         let worlds = evidence::worlds(robot.maps, filter.particles());
         worlds[0].poses.iter().for_each(|(m, _)| robot.open[*m] = false);

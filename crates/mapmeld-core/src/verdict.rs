@@ -53,6 +53,8 @@ pub struct Background {
     pub rung: usize,
     /// The best log-likelihood ratio that a mirror image reaches, nats.
     pub decoy: f64,
+    /// Pairs of maps whose walls add up without having been asked alone: each may agree by chance.
+    pub pairs: usize,
 }
 
 impl Background {
@@ -61,7 +63,7 @@ impl Background {
         let (walls, straight) = maps.fold((0.0, 1.0), |(w, s), m| {
             (f64::max(w, m.wall_length), f64::min(s, m.straight_share))
         });
-        Self { walls, straight, rung, decoy }
+        Self { walls, straight, rung, decoy, pairs: 1 }
     }
 
     /// Of these maps and some others.
@@ -109,7 +111,8 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
 }
 
 /// Probability that a pose is right, in (0, 1): that of the fitted model, and no more than the walls alone make it. Where
-/// little is seen, the model is asked for more than it was fitted to.
+/// little is seen, the model is asked for more than it was fitted to. Of several pairs of maps the best may lie where it
+/// does by chance, which is as many times as probable.
 pub fn probability(
     e: &WallEvidence,
     chance: f64,
@@ -119,7 +122,8 @@ pub fn probability(
     let [constant, weights @ ..] = &config.weights;
     let features = features(e, chance, background);
     let sum: f64 = features.iter().zip(weights).map(|(f, w)| f * w).sum();
-    let walls = (e.log_likelihood - config.even_log_likelihood) / config.temperature;
+    let walls = (e.log_likelihood - config.even_log_likelihood) / config.temperature
+        - (background.pairs.max(1) as f64).ln();
     1.0 / (1.0 + (-(constant + sum).min(walls)).exp())
 }
 

@@ -5,10 +5,17 @@ mod common;
 use common::{any_frame, office, rng};
 use mapmeld_core::config::{Config, PerceptionModel};
 use mapmeld_core::events::{Event, Stepped};
+use mapmeld_core::filter::Model;
 use mapmeld_core::grid::OccupancyGrid;
+use mapmeld_core::local_map::LocalMap;
+use mapmeld_core::memory::Memory;
 use mapmeld_core::merge::{merge, merge_told};
+use mapmeld_core::pair_table::PairTable;
+use mapmeld_core::registration::pair::register;
 use mapmeld_core::result::{Known, Merge};
 use mapmeld_core::se2::Vec2;
+use mapmeld_core::verdict;
+use mapmeld_core::virtual_robot::VirtualRobot;
 use std::sync::Mutex;
 
 const CELL: f64 = 0.1;
@@ -119,13 +126,37 @@ fn psi_and_gamma_are_those_of_the_model() {
             assert!((c.log_mass.exp() - p / sum).abs() < 1e-9);
         }
     }
-    // Before the first step both models stand at the same place and are offered the same poses.
-    let (_, walls) = told(&robots(), &Config::default());
-    let (a, b) = (&weighed[0].candidates, &steps(&walls)[0].candidates);
-    assert_eq!(a.len(), b.len());
-    for (a, b) in a.iter().zip(b) {
-        assert_eq!((a.psi, a.gamma), (b.psi, b.gamma));
-    }
+    // The walls' model keeps no cells and weighs poses without them: for the listener it works them out.
+    let walls = Config::default();
+    let maps: Vec<LocalMap> = robots().into_iter().map(|g| LocalMap::new(g, &walls)).collect();
+    let mirrored: Vec<LocalMap> = maps.iter().map(LocalMap::mirrored).collect();
+    let pair = |a: usize, b: usize| {
+        let found = register(&maps[a], &maps[b], Some(&mirrored[b]), &[], (a, b), &walls);
+        verdict::of_pair(found, 0, [&maps[a], &maps[b]], &walls.evidence)
+    };
+    let pairs = PairTable::new(3, vec![pair(0, 1), pair(0, 2), pair(1, 2)]);
+    let known = Known::default();
+    let robot = |config| VirtualRobot {
+        maps: &maps,
+        pairs: &pairs,
+        open: vec![true; 3],
+        order: None,
+        rung: 0,
+        known: &known,
+        parts: None,
+        memory: Memory::default(),
+        config,
+    };
+    let (papers, walls) = (robot(&config), robot(&walls));
+    let modes = papers.propose(&papers.start(0));
+    let expected = papers.terms(&papers.start(0), &modes);
+    assert!(modes.len() > 1 && expected.iter().all(|(psi, _)| *psi > 0.0), "{expected:?}");
+    assert_eq!(walls.terms(&walls.start(0), &modes), expected);
+    // The paper's model weighs the poses of all maps, that of the walls goes to the surest next.
+    let next: Vec<usize> = walls.propose(&walls.start(0)).iter().map(|m| m.map).collect();
+    let surest = modes.iter().max_by(|a, b| a.any.total_cmp(&b.any)).unwrap().map;
+    assert!(next.iter().all(|m| *m == surest) && !next.is_empty(), "{next:?}");
+    assert!(modes.iter().any(|m| m.map != surest));
 }
 
 #[test]

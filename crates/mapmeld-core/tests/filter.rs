@@ -305,6 +305,19 @@ fn successors_share_their_ancestors() {
 }
 
 #[test]
+fn all_states_are_settled_when_they_are_told_to() {
+    let mut filter = ParticleFilter::new(start(), 50, 0.0, 3);
+    let models = STEPS.map(|step| Toy::new(step, true));
+    models.iter().take(2).for_each(|model| drop(filter.step(model)));
+    let before = filter.clone();
+    filter.settle(&models[2]);
+    for (p, q) in before.particles().iter().zip(filter.particles()) {
+        assert_eq!((ways(&p.state), p.log_weight), (ways(&q.state), q.log_weight));
+        assert!([1.0, 5.0].contains(&q.state.x.abs()), "at {}", q.state.x);
+    }
+}
+
+#[test]
 fn states_that_are_due_are_settled_once_and_keep_their_story_and_weight() {
     for resample_below in [0.0, 1.0] {
         let mut plain = ParticleFilter::new(start(), 200, resample_below, 3);

@@ -19,7 +19,7 @@ fn evidence(log_likelihood: f64) -> WallEvidence {
 }
 
 fn background() -> Background {
-    Background { walls: 100.0, straight: 0.6, rung: 0, decoy: 8.0 }
+    Background { walls: 100.0, straight: 0.6, rung: 0, decoy: 8.0, pairs: 1 }
 }
 
 #[test]
@@ -48,6 +48,20 @@ fn probabilities_of_poses_that_exclude_each_other_sum_to_one_at_most() {
         assert!(sum <= 1.0 + 1e-9 && v.probabilities.iter().all(|p| (0.0..=1.0).contains(p)));
         assert!(v.probabilities.windows(2).all(|w| w[0] >= w[1] - 1e-12), "{v:?}");
     }
+}
+
+/// Parts of four and of two maps lie next to each other in eight ways, each of which may agree by chance.
+#[test]
+fn what_many_pairs_may_reach_by_chance_is_less_sure() {
+    let config = EvidenceConfig::default();
+    let among = |pairs: usize, e: &WallEvidence| {
+        probability(e, 0.0, &Background { pairs, walls: 30.0, ..background() }, &config)
+    };
+    let weak = WallEvidence { log_likelihood: 12.0, ..evidence(30.0) };
+    assert!(among(1, &weak) > config.min_probability, "{}", among(1, &weak));
+    assert!(among(8, &weak) < config.min_probability, "{}", among(8, &weak));
+    let strong = evidence(60.0);
+    assert_eq!(among(1, &strong), among(8, &strong), "nothing that chance reaches");
 }
 
 #[test]

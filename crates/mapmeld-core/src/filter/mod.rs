@@ -209,7 +209,7 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         }
         // Those that stayed have been settled, or are not worth it.
         let went = self.particles.iter_mut().zip(&moved).filter(|(_, moved)| **moved > 0);
-        Self::settle(model, went.map(|(p, _)| p));
+        settle(model, went.map(|(p, _)| p).filter(|p| model.is_due(&p.state)));
         if resampled {
             let start = stream(seed, step, u64::MAX).random();
             let log_weight = LogWeight(-(n as f64).ln());
@@ -225,22 +225,25 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
         fared
     }
 
-    /// Settles the states that are due, those that are the same as one.
-    fn settle<'p, M: Model<State = S>>(
-        model: &M,
-        particles: impl Iterator<Item = &'p mut Particle<S>>,
-    ) where
-        S: 'p,
-    {
-        let mut settled: Vec<(S, S)> = Vec::new();
-        for p in particles.filter(|p| model.is_due(&p.state)) {
-            let known = settled.iter().position(|(before, _)| model.is_same(before, &p.state));
-            let k = known.unwrap_or_else(|| {
-                settled.push((p.state.clone(), model.settled(&p.state)));
-                settled.len() - 1
-            });
-            p.state = settled[k].1.clone();
-        }
+    /// Settles all states, whether they are due or not.
+    pub fn settle<M: Model<State = S>>(&mut self, model: &M) {
+        settle(model, self.particles.iter_mut());
+    }
+}
+
+/// Settles some states, those that are the same as one.
+fn settle<'p, M: Model>(model: &M, particles: impl Iterator<Item = &'p mut Particle<M::State>>)
+where
+    M::State: 'p,
+{
+    let mut settled: Vec<(M::State, M::State)> = Vec::new();
+    for p in particles {
+        let known = settled.iter().position(|(before, _)| model.is_same(before, &p.state));
+        let k = known.unwrap_or_else(|| {
+            settled.push((p.state.clone(), model.settled(&p.state)));
+            settled.len() - 1
+        });
+        p.state = settled[k].1.clone();
     }
 }
 

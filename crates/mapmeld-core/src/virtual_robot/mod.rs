@@ -74,6 +74,8 @@ struct Here<'a> {
     placed: Vec<(usize, Se2)>,
     is_placed: Vec<bool>,
     background: Background,
+    /// Number of local maps that these are made of.
+    members: usize,
 }
 
 /// The maps that merged maps are made of.
@@ -116,8 +118,9 @@ impl VirtualRobot<'_> {
         let placed: Vec<(usize, Se2)> = merged.layers().map(|l| (l.map, l.t_world_map)).collect();
         let mut is_placed = vec![false; self.maps.len()];
         placed.iter().for_each(|(m, _)| is_placed[*m] = true);
-        let members = placed.iter().flat_map(|(m, _)| self.members(*m));
-        Here { merged, is_placed, background: Background::new(members, self.rung, 0.0), placed }
+        let members: Vec<&LocalMap> = placed.iter().flat_map(|(m, _)| self.members(*m)).collect();
+        let (members, of) = (members.len(), members.into_iter());
+        Here { merged, is_placed, background: Background::new(of, self.rung, 0.0), placed, members }
     }
 
     /// The local maps that a map is made of. Merged maps are judged by their size, as every map is.
@@ -150,7 +153,8 @@ impl VirtualRobot<'_> {
         let partners = self.pairs.partners(map).filter(|m| here.is_placed[*m]);
         let decoy = partners.map(|m| self.pairs.decoy(m, map)).fold(0.0, f64::max);
         let own = Background::new(self.members(map).into_iter(), self.rung, decoy);
-        let background = own.with(&here.background);
+        let pairs = self.parts.as_ref().map_or(1, |_| here.members * self.members(map).len());
+        let background = Background { pairs, ..own.with(&here.background) };
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();
         let mut verdict = verdict::weigh(&poses, &background, c);
@@ -257,9 +261,10 @@ impl Model for VirtualRobot<'_> {
             }
             left = rest;
         }
-        if self.is_large() {
-            // One order for all particles, that of the surest next: else no two of them would place the same maps
-            // before the very end, and each would have to weigh all by itself.
+        if self.is_large() || self.config.perception.model == PerceptionModel::OrientedWalls {
+            // One order for all particles, that of the surest next: else hardly two of them would place the same maps
+            // before the very end, and each would have to weigh all by itself. The paper's model has no say in whether
+            // a map is placed at all: it weighs the poses of all maps against each other.
             let surest =
                 modes.iter().map(|m| (m.any, m.map)).reduce(|a, b| if b.0 > a.0 { b } else { a });
             modes.retain(|m| Some(m.map) == surest.map(|(_, map)| map));

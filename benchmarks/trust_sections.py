@@ -113,7 +113,7 @@ def whole(plan: Plan) -> Sequence[Task]:
 
 
 def some(plan: Plan) -> Sequence[Task]:
-    """Three to six maps of each recorded case of six or more, drawn at random: other ones hold them together."""
+    """Three to six maps of each recorded case of six or more, drawn at random: others hold them together."""
     rng = random.Random(7)
     found = []
     for folder in plan.whole_cases():

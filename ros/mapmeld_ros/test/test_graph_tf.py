@@ -124,6 +124,12 @@ def test_one_foreign_publisher_that_stops_is_forgotten_while_another_stays(graph
     graph.wait(
         "the problems", lambda: "'left/map'; stop" in node.said() and "'middle/map'; stop" in node.said()
     )
+
+    # What comes from here on is not what they have published.
+    def heard() -> set[str]:
+        return {t.child_frame_id for m in graph.links["/tf_static"] for t in m.transforms}
+
+    graph.wait("what they publish", lambda: {"left/map", "middle/map"} <= heard())
     graph.links["/tf_static"].clear()
     fleet.do(do="silence", topic="/tf_static")
     graph.wait("the transform", lambda: "left/map" in graph.tree())

@@ -33,8 +33,11 @@ def gather_known(
     pins: Sequence[str] | None,
     points: Sequence[str] | None,
     forbidden: Sequence[str] | None,
-) -> Known:
-    """What the options say, on top of the session. Raises MapmeldError, naming the option."""
+) -> Known | None:
+    """What the options say, on top of the session; None without either. Raises MapmeldError, naming the
+    option."""
+    if session is None and not (priors or pins or points or forbidden):
+        return None
     from mapmeld.errors import MapmeldError
     from mapmeld.estimate import Prior
     from mapmeld.known import Known, SamePoints

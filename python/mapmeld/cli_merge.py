@@ -233,7 +233,7 @@ def merge(
         result = dataclasses.replace(result, seconds={**result.seconds, **extra})
         if out is not None:
             write_result(out.staged, result, out.folder)
-            if known or saved_session is not None:
+            if known is not None:
                 from mapmeld.session_file import Session
 
                 write_session(out.staged, Session.of(grids, options, known))

@@ -61,6 +61,7 @@ def studio(
     from mapmeld.cli_options import gather_options
     from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
+    from mapmeld.known import Known
     from mapmeld.map_inputs import check_paths, read_inputs
     from mapmeld.output import OutputFolder
 
@@ -86,7 +87,7 @@ def studio(
             print(f"mapmeld: warning: {line}", file=sys.stderr)
         if saved is not None and session is not None:
             saved.check(inputs.grids, session)
-        known = cli_known.gather_known(saved, None, None, None, None)
+        known = Known() if saved is None else saved.known
         files = {g.name: f for g, f in zip(inputs.grids, inputs.files, strict=True)}
         bench = Workbench(inputs.grids, options, known, output, force=force, files=files)
     except BaseException:

@@ -14,18 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mapmeld import _core, se2
+from mapmeld import se2
 from mapmeld.known_cells import KnownCells
+from mapmeld.one_place import Pose, apart
 
 MOST_NOISE = 0.1
 """How far a refined pose may differ from the held one at most, metres, however uncertain it is."""
-
-ONE_PLACE = _core.SAME_WORLD
-"""Metres at the middle of a map's known cells, and radians, within which its poses are one place to a
-merge."""
-
-Pose = NDArray[np.float64]
-"""(x, y, theta), metres and radians."""
 
 
 @dataclass(frozen=True)
@@ -167,15 +161,3 @@ def steady(
         Held(h.frame, h.anchor, h.is_world, {n: settled(h.frame, n, T) for n, T in h.poses.items()})
         for h in new
     ]
-
-
-def apart(a: Pose, b: Pose, at: Sequence[float]) -> tuple[float, float]:
-    """Metres at a point of the map, and radians, between two poses of it."""
-    p, q = se2.apply(a, np.asarray(at)), se2.apply(b, np.asarray(at))
-    return math.hypot(*(p - q)), abs(se2.wrap(a[2] - b[2]))
-
-
-def is_one_place(a: Pose, b: Pose, centre: Sequence[float]) -> bool:
-    """Whether two poses of a map are one place to a merge. centre: of its known cells."""
-    metres, radians = apart(a, b, centre)
-    return metres <= ONE_PLACE[0] and radians <= ONE_PLACE[1]

@@ -13,7 +13,8 @@ import numpy as np
 
 from mapmeld import se2
 from mapmeld.errors import MapmeldError
-from mapmeld.frames import Group, Held, Pose, apart
+from mapmeld.frames import Group, Held
+from mapmeld.one_place import Pose, apart
 
 Poses = Mapping[str, Pose]
 Answer = tuple[list[tuple[float, int]], float]

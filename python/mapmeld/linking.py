@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapmeld import se2
-from mapmeld.frames import Group, Pose
+from mapmeld.frames import Group
 from mapmeld.holding import Hold, Unit, most_agreeing
+from mapmeld.one_place import Pose
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,14 @@ from mapmeld.errors import MapmeldError
 from mapmeld.events import Listener
 from mapmeld.filter_step import FilterStep
 from mapmeld.grid import OccupancyGrid
-from mapmeld.known import Known, told
 from mapmeld.known_cells import known_centre
 from mapmeld.map_yaml import one_line
 from mapmeld.pair_store import PairStore
 from mapmeld.reasons import reason
 from mapmeld.result import Component, Hypothesis, HypothesisMap, MergeResult, Mode, Pair, PlacedMap
+
+if TYPE_CHECKING:
+    from mapmeld.known import Known
 
 Progress = Callable[[str, int, int], object]
 """Hears (stage, done, total), stages in the order of the work: "prepare" (maps), "register" (pairs), "filter"
@@ -79,8 +81,8 @@ def merge(
         if names.count(name) > 1:
             raise MapmeldError(one_line(f"maps: two are called {name!r}; give each a name of its own"))
     options = effective_config(_with_short_options(config or {}, particles, seed, threads))
-    known = Known() if known is None else known
-    known.check_names(names)
+    if known:
+        known.check_names(names)
     sequence = None if order is None else _sequence(order, names)
     first = None if reference is None else _index(reference, names, "reference")
     if sequence and first is not None and sequence[0] != first:
@@ -106,9 +108,9 @@ def merge(
         sequence or None,
         first,
         progress,
-        known.core_priors(),
-        known.relations(),
-        known.forbidden,
+        known.core_priors() if known else (),
+        known.relations() if known else (),
+        known.forbidden if known else (),
         listener,
         None if store is None else store.core,
     )
@@ -118,7 +120,12 @@ def merge(
     found["registered_pairs"] += spread
     seconds = {**spread_seconds, **found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
-    return told(result_of(found, names, options, seconds, centres), known)
+    result = result_of(found, names, options, seconds, centres)
+    if not known:
+        return result
+    from mapmeld.known import told
+
+    return told(result, known)
 
 
 def _checked(maps: Sequence[OccupancyGrid]) -> list[OccupancyGrid]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapmeld import se2
-from mapmeld.frames import is_one_place
+from mapmeld.one_place import is_one_place
 from mapmeld.result import Hypothesis, Pair
 
 LITTLE_WALL_M = 3.0

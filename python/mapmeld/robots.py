@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from mapmeld import se2
 from mapmeld.estimate import RobotEstimate, RunnerUp
-from mapmeld.frames import Held, apart, is_one_place
+from mapmeld.frames import Held
+from mapmeld.one_place import apart, is_one_place
 from mapmeld.result import Hypothesis, MergeResult, PlacedMap
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapmeld import se2
-from mapmeld.frames import ONE_PLACE
 from mapmeld.grid import OccupancyGrid
+from mapmeld.one_place import ONE_PLACE
 from mapmeld.report_page.story import Story
 from mapmeld.report_page.views import Box, placed
 

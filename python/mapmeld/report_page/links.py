@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mapmeld import se2
-from mapmeld.frames import is_one_place
+from mapmeld.one_place import is_one_place
 from mapmeld.report_page.story import Story
 
 SURE = 0.99

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mapmeld import se2
-from mapmeld.frames import is_one_place
+from mapmeld.one_place import is_one_place
 from mapmeld.report_page.hypotheses import Shape, corners
 from mapmeld.report_page.links import Bond, is_as_placed
 from mapmeld.report_page.pairs import PairRow

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mapmeld.config import least_probability
-from mapmeld.frames import is_one_place
+from mapmeld.one_place import is_one_place
 from mapmeld.reasons import Lack, lack_of
 from mapmeld.report_page.links import Bond, bonds
 from mapmeld.report_page.story import Story

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mapmeld import se2
 from mapmeld.config import least_probability
-from mapmeld.frames import is_one_place
+from mapmeld.one_place import is_one_place
 from mapmeld.report_page.story import Story
 
 _MOST = 6

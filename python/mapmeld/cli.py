@@ -57,8 +57,8 @@ def main() -> None:
     # OpenBLAS, which numpy brings, starts a thread for each core when it loads, and they spin: nearly half of
     # what importing numpy costs. Nothing here multiplies matrices that are worth a second thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # What is imported is no garbage, and is searched for it over and over, and twice more at the end, when the
-    # memory goes back anyway.
+    # What is imported is no garbage, and is searched for it over and over, and twice more at the end, when
+    # the memory goes back anyway.
     gc.set_threshold(100_000)
     atexit.register(gc.freeze)
     arguments = with_rerun(sys.argv[1:])

@@ -244,6 +244,8 @@ class Known:
 
 def told(result: MergeResult, known: Known) -> MergeResult:
     """A result that names what was known: pinned maps, and those that nothing but points placed."""
+    if not known:
+        return result
     return dataclasses.replace(result, maps=tuple(_told(m, known) for m in result.maps), known=known)
 
 

@@ -121,7 +121,7 @@ def merge(
     seconds = {**spread_seconds, **found["seconds"], "merge": time.perf_counter() - started}
     centres = {name: known_centre(grid) for name, grid in zip(names, grids, strict=True)}
     result = result_of(found, names, options, seconds, centres)
-    if not known:
+    if known is None:
         return result
     from mapmeld.known import told
 

@@ -19,8 +19,6 @@ use std::f64::consts::TAU;
 
 /// Bins of a full turn: one degree each.
 pub const BINS: usize = 360;
-/// Rotations that are tried where a pose is looked for.
-pub const ROTATIONS: usize = 6;
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
 /// Peaks of all rotations that are scored again in finer cells.
@@ -38,24 +36,35 @@ const FAR_BELOW: i16 = 4;
 const MOST_KEPT: usize = 2 << 20;
 /// Most shifts that are scored at one rotation.
 const MAX_SHIFTS: f64 = 1e7;
-/// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
-const STEPS: f64 = 2.0;
 /// Steps that a bin's contradiction is told in: it is spread wider than agreement is.
 const CONTRADICTION: f32 = 4.0;
 
-/// Candidates for `T_a_b`, each with its score, the best first, from so many rotations.
-pub fn candidates(a: &LocalMap, b: &LocalMap, rotations: usize) -> Vec<(f32, Candidate)> {
+/// How much is spent on correlation.
+#[derive(Clone, Copy)]
+pub struct Effort {
+    /// Rotations at which all shifts are tried.
+    pub rotations: usize,
+    /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
+    pub steps: f64,
+}
+
+/// Where a pose is looked for.
+pub const THOROUGH: Effort = Effort { rotations: 6, steps: 2.0 };
+
+/// Candidates for `T_a_b`, each with its score, the best first.
+pub fn candidates(a: &LocalMap, b: &LocalMap, effort: Effort) -> Vec<(f32, Candidate)> {
     if a.probes.is_empty() || b.probes.is_empty() {
         return Vec::new();
     }
-    let turns: Vec<Turned> = promising(&a.turns, &b.turns, rotations)
+    let turns: Vec<Turned> = promising(&a.turns, &b.turns, effort.rotations)
         .into_iter()
         .map(|theta| Turned::new(&a.coarse, &b.probes, theta))
         .collect();
     let mut peaks: Vec<(f32, usize, Shift)> = Vec::new();
     for (k, turned) in turns.iter().enumerate() {
         // Nothing in there runs in parallel: another pair on this thread would find the memory taken.
-        let found = SHIFTS.with_borrow_mut(|shifts| shifts.peaks(&a.coarse.wide, turned));
+        let found =
+            SHIFTS.with_borrow_mut(|shifts| shifts.peaks(&a.coarse.wide, turned, effort.steps));
         peaks.extend(found.into_iter().map(|(score, shift)| (score, k, shift)));
     }
     SHIFTS.with_borrow_mut(Shifts::give_back);
@@ -235,8 +244,8 @@ impl Shifts {
         }
     }
 
-    /// Scores and shifts of the highest peaks at one rotation.
-    fn peaks(&mut self, a: &Wide, b: &Turned) -> Vec<(f32, Shift)> {
+    /// Scores and shifts of the highest peaks at one rotation, weights told in so many steps.
+    fn peaks(&mut self, a: &Wide, b: &Turned, steps: f64) -> Vec<(f32, Shift)> {
         let (rows, cols) = (b.size.0.div_ceil(2), b.size.1.div_ceil(2));
         let (w, h) = (a.width + cols - 1, a.height + rows - 1);
         // A map kilometres wide against one in fine cells: other sources may find it.
@@ -261,7 +270,7 @@ impl Shifts {
             total += f64::from(p.weight);
         }
         // No agreement can leave an i16; what is contradicted beyond that is beyond caring.
-        let steps = STEPS.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1)))) as f32;
+        let steps = steps.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1)))) as f32;
 
         self.scores.clear();
         // Runs are padded, beyond the end too.

@@ -14,8 +14,8 @@ use crate::verdict::{self, Background, NEGLIGIBLE};
 use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
-/// Rotations at which the mirror image is looked for.
-const DECOY_ROTATIONS: usize = 4;
+/// How the mirror image is looked for: what its best pose reaches matters, and not where that is.
+const OF_DECOYS: correlation::Effort = correlation::Effort { rotations: 4, steps: 1.0 };
 /// Share of how a mode that has proven itself looks: what the mirror image looks less like is negligible, too.
 const LEAST_LOOK: f64 = 0.2;
 
@@ -37,7 +37,7 @@ pub fn register(
         shortlist: r.shortlist,
         modes: r.max_modes,
         stories: 2,
-        rotations: correlation::ROTATIONS,
+        correlation: correlation::THOROUGH,
         has_structures: true,
         least: vec![f64::NEG_INFINITY; rungs.len()],
         least_look: f64::NEG_INFINITY,
@@ -93,7 +93,7 @@ fn decoys(
         shortlist: config.registration.decoy_shortlist,
         modes: 1,
         stories: 1,
-        rotations: DECOY_ROTATIONS,
+        correlation: OF_DECOYS,
         has_structures: false,
         least: modes.iter().map(|m| NEGLIGIBLE * most(m)).collect(),
         least_look: looks.reduce(f64::min).map_or(f64::NEG_INFINITY, |look| LEAST_LOOK * look),

@@ -46,8 +46,8 @@ pub struct Effort {
     pub modes: usize,
     /// Different stories that are told at least, however unlikely.
     pub stories: usize,
-    /// Rotations at which all shifts are tried.
-    pub rotations: usize,
+    /// What of it correlation takes.
+    pub correlation: correlation::Effort,
     /// Whether corners and walls propose poses.
     pub has_structures: bool,
     /// Log-likelihood below which no pose matters, nats, at each standard deviation of the walls.
@@ -67,7 +67,7 @@ pub struct Found {
 /// What every source proposes for `T_a_b`, unrefined.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = of_structures(a, b, config);
-    found.extend(correlation::candidates(a, b, correlation::ROTATIONS).into_iter().map(|(_, c)| c));
+    found.extend(correlation::candidates(a, b, correlation::THOROUGH).into_iter().map(|(_, c)| c));
     found
 }
 
@@ -125,7 +125,7 @@ impl<'s> Search<'s> {
             true => of_structures(a, b, self.config),
             false => Vec::new(),
         };
-        let correlated = correlation::candidates(a, b, self.effort.rotations);
+        let correlated = correlation::candidates(a, b, self.effort.correlation);
         let candidates = structures.len() + correlated.len() + hints.len();
         let correlated = correlated.into_iter().map(|(_, c)| c).collect();
 
@@ -311,7 +311,7 @@ mod tests {
             shortlist: 9,
             modes: 6,
             stories,
-            rotations: 4,
+            correlation: correlation::THOROUGH,
             has_structures: false,
             least: vec![least; 2],
             least_look: f64::NEG_INFINITY,

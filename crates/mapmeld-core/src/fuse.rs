@@ -63,54 +63,7 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
 
     let walls = parallel::map(placed, |(g, t)| forward_walls(g, t, &frame));
     let rows: Vec<usize> = (0..height).collect();
-    let lines = parallel::map(&rows, |row| {
-        let mut line = Line::new(width);
-        // The maps that reach this row.
-        let here: Vec<usize> = (0..placed.len()).filter(|k| walls[*k].has_row(*row)).collect();
-        let mut seen: Vec<Class> = Vec::new();
-        let mut votes: Vec<(usize, Class)> = Vec::new();
-        let locator = |k: &usize| placed[*k].0.locator_from(&placed[*k].1.inverse());
-        let locators: Vec<_> = here.iter().map(locator).collect();
-        for col in 0..width {
-            let p = frame.cell_center(*row, col);
-            seen.clear();
-            votes.clear();
-            for (k, locator) in here.iter().copied().zip(&locators) {
-                if walls[k].index(*row, col).is_none() {
-                    continue;
-                }
-                let class = if walls[k].contains(*row, col) {
-                    Class::Occupied
-                } else {
-                    let cells = placed[k].0.cells();
-                    locator.index(p).map_or(Class::Unknown, |i| class_of(cells[i]))
-                };
-                if class != Class::Unknown {
-                    seen.push(class);
-                    votes.push((k, class));
-                }
-            }
-            let as_seen = (config.rule != FuseRule::LogOdds).then(|| votes.clone());
-            if seen.contains(&Class::Occupied) && seen.contains(&Class::Free) {
-                make_one(&mut votes, |k| walls[k].is_beside(*row, col));
-            }
-            if config.rule == FuseRule::LogOdds {
-                seen.clear();
-                seen.extend(votes.iter().map(|(_, class)| *class));
-            }
-            let disputed = votes.iter().any(|(_, c)| *c == Class::Occupied)
-                && votes.iter().any(|(_, c)| *c == Class::Free);
-            let occupied = seen.iter().filter(|c| **c == Class::Occupied).count();
-            line.disputed[col] = disputed;
-            line.shared += usize::from(seen.len() > 1);
-            let drawn = combine(&seen, occupied, config.rule);
-            line.cells[col] = drawn;
-            let shows_it = |(_, c): &&(usize, Class)| *c == class_of(drawn);
-            let told = as_seen.as_ref().unwrap_or(&votes);
-            line.sources[col] = told.iter().find(shows_it).map(|(k, _)| *k as u16);
-        }
-        line
-    });
+    let lines = parallel::map(&rows, |row| Line::new(*row, placed, &walls, &frame, config.rule));
     let mut cells = Vec::with_capacity(width * height);
     let mut sources = Vec::with_capacity(width * height);
     let mut disputed = Vec::with_capacity(width * height);
@@ -154,27 +107,79 @@ struct Line {
 }
 
 impl Line {
-    fn new(width: usize) -> Self {
-        Self {
+    fn new(
+        row: usize,
+        placed: &[(&OccupancyGrid, Se2)],
+        walls: &[WallCells],
+        frame: &OccupancyGrid,
+        rule: FuseRule,
+    ) -> Self {
+        let width = frame.width();
+        let mut line = Self {
             cells: vec![UNKNOWN; width],
             sources: vec![None; width],
             disputed: vec![false; width],
             shared: 0,
+        };
+        // What each of the maps that reach this row shows of it, map by map.
+        let here: Vec<usize> = (0..placed.len()).filter(|k| walls[*k].has_row(row)).collect();
+        let mut shown = vec![Class::Unknown; here.len() * width];
+        let (mut occupied, mut free) = (vec![0u16; width], vec![0u16; width]);
+        let (origin, cell) = (frame.cell_center(row, 0), frame.resolution());
+        for (k, shown) in here.iter().zip(shown.chunks_exact_mut(width)) {
+            let (grid, t_world_map) = &placed[*k];
+            let (locator, cells) = (grid.locator_from(&t_world_map.inverse()), grid.cells());
+            for col in walls[*k].columns() {
+                let center = origin + Vec2::new(col as f64 * cell, 0.0);
+                let class = match walls[*k].contains(row, col) {
+                    true => Class::Occupied,
+                    false => locator.index(center).map_or(Class::Unknown, |i| class_of(cells[i])),
+                };
+                shown[col] = class;
+                occupied[col] += u16::from(class == Class::Occupied);
+                free[col] += u16::from(class == Class::Free);
+            }
         }
+        let known_at = |col: usize| {
+            let classes = here.iter().enumerate().map(move |(n, k)| (*k, n * width + col));
+            classes.map(|(k, at)| (k, shown[at])).filter(|(_, class)| *class != Class::Unknown)
+        };
+        for col in 0..width {
+            let known = usize::from(occupied[col]) + usize::from(free[col]);
+            if known == 0 {
+                continue;
+            }
+            line.shared += usize::from(known > 1);
+            if occupied[col] == 0 || free[col] == 0 {
+                line.cells[col] = if free[col] == 0 { 100 } else { 0 };
+                line.sources[col] = known_at(col).next().map(|(k, _)| k as u16);
+                continue;
+            }
+            let as_seen: Vec<(usize, Class)> = known_at(col).collect();
+            let mut as_one = as_seen.clone();
+            make_one(&mut as_one, |k| walls[k].is_beside(row, col));
+            let says = |class: Class| as_one.iter().any(|(_, c)| *c == class);
+            line.disputed[col] = says(Class::Occupied) && says(Class::Free);
+            let told = if rule == FuseRule::LogOdds { &as_one } else { &as_seen };
+            let drawn = combine(told, rule);
+            line.cells[col] = drawn;
+            let shows_it = |(_, c): &&(usize, Class)| *c == class_of(drawn);
+            line.sources[col] = told.iter().find(shows_it).map(|(k, _)| *k as u16);
+        }
+        line
     }
 }
 
-fn combine(seen: &[Class], occupied: usize, rule: FuseRule) -> i8 {
-    if seen.is_empty() {
-        return UNKNOWN;
-    }
+/// What is drawn of a cell that maps, in their order, show as they do.
+fn combine(shown: &[(usize, Class)], rule: FuseRule) -> i8 {
+    let occupied = shown.iter().filter(|(_, class)| *class == Class::Occupied).count();
     let is_wall = match rule {
         FuseRule::LogOdds => {
-            let free = seen.len() - occupied;
+            let free = shown.len() - occupied;
             LOG_ODDS_OCCUPIED * occupied as f32 + LOG_ODDS_FREE * free as f32 > 0.0
         }
         FuseRule::Max => occupied > 0,
-        FuseRule::Latest => seen.last() == Some(&Class::Occupied),
+        FuseRule::Latest => shown.last().is_some_and(|(_, class)| *class == Class::Occupied),
     };
     if is_wall {
         100
@@ -206,6 +211,10 @@ impl WallCells {
 
     fn has_row(&self, row: usize) -> bool {
         row.wrapping_sub(self.window[0]) < self.window[2]
+    }
+
+    fn columns(&self) -> std::ops::Range<usize> {
+        self.window[1]..self.window[1] + self.window[3]
     }
 
     /// Whether a wall runs beside the cell: one of the eight cells around is a wall. A gap between two opposite

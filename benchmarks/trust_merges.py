@@ -143,6 +143,7 @@ class WholeMerge:
         return {
             "case": self.folder.name,
             "seed": self.seed,
+            "names": [m.name for m in files],
             "maps": len(files),
             "placed": most if most > 1 else 0,
             "joined": joined,

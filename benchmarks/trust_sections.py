@@ -113,11 +113,12 @@ def whole(plan: Plan) -> Sequence[Task]:
 
 
 def some(plan: Plan) -> Sequence[Task]:
-    """Three to six maps of each recorded case of six or more, drawn at random: others hold them together."""
-    rng = random.Random(7)
+    """Three to six maps, not all, of each recorded case of six or more, drawn at random: other pairs hold
+    them together. A seed a draw."""
     found = []
     for folder in plan.whole_cases():
         names = [m.name for m in trust_cases.map_files(folder)]
+        rng = random.Random(folder.name)
         for seed in range(1, 1 + plan.draws * (len(names) >= 6)):
             few = rng.sample(names, rng.randint(3, min(6, len(names) - 1)))
             found.append(WholeMerge(folder, seed, tuple(sorted(few))))

@@ -193,8 +193,19 @@ def some(rows: Rows) -> Section:
         sums = (sum(r[key] for r in mine) for key in ("maps", "parts", "joined", "right", "wrong"))
         table.append((case, len(mine), *sums))
     columns = ("case", "merges", "maps", "parts", "joined pairs", "right", "wrong")
+    text = bench_report.table(columns, table) + SOME_LEGEND
+    for r in rows:
+        if r["wrong"]:
+            text += f"- {r['case']}, seed {r['seed']}: {', '.join(r['names'])}: {r['wrong']} pairs wrong\n"
     wrong, joined = (sum(r[key] for r in rows) for key in ("wrong", "joined"))
-    return bench_report.table(columns, table), [_zero("some maps of a case: wrong pairs", wrong, joined)]
+    return text, [_zero("some maps of a case: wrong pairs", wrong, joined)]
+
+
+SOME_LEGEND = """
+Three to six maps of a case, drawn anew for each merge. *maps*, *parts* (single maps included) and pairs are
+sums over the merges.
+
+"""
 
 
 def pair_key(row: dict[str, Any]) -> tuple[str, ...]:

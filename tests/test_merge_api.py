@@ -124,6 +124,13 @@ def test_every_key_of_the_json_is_documented(merged: MergeResult) -> None:
     assert not missing
 
 
+def test_parts_that_agree_as_any_two_may_stay_apart(shared_data: Path) -> None:
+    # Between four maps and two, twelve nats at 2.4 m from where they belong: two cells of the maze.
+    names = ("00_r0", "01_r1", "02_r2", "03_r3", "07_r7", "09_r9")
+    result = mapmeld.merge([mapmeld.read_map(shared_data / "mazeA_k10" / f"{n}.yaml") for n in names])
+    assert [set(c.order) for c in result.components] == [set(names[:4]), set(names[4:])]
+
+
 def test_a_map_that_fits_nowhere_stays_apart() -> None:
     result = mapmeld.merge([hall(), *building(), blank()])
     by_name = {m.name: m for m in result.maps}

@@ -57,11 +57,12 @@ def main() -> None:
     # OpenBLAS, which numpy brings, starts a thread for each core when it loads, and they spin: nearly half of
     # what importing numpy costs. Nothing here multiplies matrices that are worth a second thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # What is imported is no garbage, and is searched for it over and over, and twice more at the end, when
-    # the memory goes back anyway.
-    gc.set_threshold(100_000)
+    # Python ends with two searches for garbage among all that was imported. The memory goes back anyway.
     atexit.register(gc.freeze)
     arguments = with_rerun(sys.argv[1:])
+    if arguments[:1] == ["merge"]:
+        # What it imports is no garbage, and would be searched for it over and over; it does not run for long.
+        gc.set_threshold(100_000)
     # The other commands are for --help, and for saying what there is where the name is wrong.
     asked = arguments[:1] if arguments and arguments[0] in COMMANDS else COMMANDS
     try:

@@ -124,7 +124,7 @@ impl Line {
         // What each of the maps that reach this row shows of it, map by map.
         let here: Vec<usize> = (0..placed.len()).filter(|k| walls[*k].has_row(row)).collect();
         let mut shown = vec![Class::Unknown; here.len() * width];
-        let (mut occupied, mut free) = (vec![0u16; width], vec![0u16; width]);
+        let (mut occupied, mut free) = (vec![0u32; width], vec![0u32; width]);
         let (origin, cell) = (frame.cell_center(row, 0), frame.resolution());
         for (k, shown) in here.iter().zip(shown.chunks_exact_mut(width)) {
             let (grid, t_world_map) = &placed[*k];
@@ -136,8 +136,8 @@ impl Line {
                     false => locator.index(center).map_or(Class::Unknown, |i| class_of(cells[i])),
                 };
                 shown[col] = class;
-                occupied[col] += u16::from(class == Class::Occupied);
-                free[col] += u16::from(class == Class::Free);
+                occupied[col] += u32::from(class == Class::Occupied);
+                free[col] += u32::from(class == Class::Free);
             }
         }
         let known_at = |col: usize| {
@@ -145,7 +145,7 @@ impl Line {
             classes.map(|(k, at)| (k, shown[at])).filter(|(_, class)| *class != Class::Unknown)
         };
         for col in 0..width {
-            let known = usize::from(occupied[col]) + usize::from(free[col]);
+            let known = occupied[col] + free[col];
             if known == 0 {
                 continue;
             }

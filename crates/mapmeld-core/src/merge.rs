@@ -237,7 +237,8 @@ pub(crate) fn travel(
             let step = filter.step_told(&robot, listener.is_some().then_some(&told));
             if step.advanced > 0 {
                 steps.push(step);
-            } else if is_settled || visited + 1 == robot.open.len() {
+                is_settled = robot.parts.is_some();
+            } else if is_settled || steps.is_empty() || robot.is_everywhere(filter.particles()) {
                 break;
             } else {
                 // The noise of draws must not have the last word on the maps that are left.

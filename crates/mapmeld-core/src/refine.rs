@@ -25,7 +25,7 @@ const FINEST: f64 = 0.41;
 /// Up to so many poses a dense factorisation is as fast.
 const MOST_DENSE: usize = 64;
 
-/// Rounds in which it is asked anew which maps' walls agree, at most.
+/// Times that it is asked which maps' walls agree, at most.
 const ROUNDS: usize = 3;
 
 /// Poses after refinement.
@@ -54,14 +54,15 @@ pub fn refine(
     let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
     let narrow =
         config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
-    for _ in 0..ROUNDS {
-        descend(maps, members, &mut poses, &edges, held, narrow, config);
+    descend(maps, members, &mut poses, &edges, held, narrow, config);
+    for _ in 1..ROUNDS {
         // Which walls agree is better known now.
         let agreeing = overlapping(maps, members, &poses, known, config);
         if agreeing == edges {
             break;
         }
         edges = agreeing;
+        descend(maps, members, &mut poses, &edges, held, narrow, config);
     }
     let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
     let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);

@@ -53,7 +53,7 @@ pub struct Background {
     pub rung: usize,
     /// The best log-likelihood ratio that a mirror image reaches, nats.
     pub decoy: f64,
-    /// Pairs of maps whose walls add up without having been asked alone: each may agree by chance.
+    /// Pairs of members of two merged maps: the walls of all add up, and any of them may agree by chance. 1 for maps.
     pub pairs: usize,
 }
 
@@ -111,8 +111,8 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
 }
 
 /// Probability that a pose is right, in (0, 1): that of the fitted model, and no more than the walls alone make it. Where
-/// little is seen, the model is asked for more than it was fitted to. Of several pairs of maps the best may lie where it
-/// does by chance, which is as many times as probable.
+/// little is seen, the model is asked for more than it was fitted to. Where any of several pairs of maps may agree by chance,
+/// the odds of the walls alone are as many times less.
 pub fn probability(
     e: &WallEvidence,
     chance: f64,

@@ -48,12 +48,13 @@ struct Toy {
     step: [f64; 3],
     shares: bool,
     settles: bool,
+    nowhere: bool,
     proposals: AtomicUsize,
 }
 
 impl Toy {
     fn new(step: [f64; 3], shares: bool) -> Self {
-        Self { step, shares, settles: false, proposals: AtomicUsize::new(0) }
+        Self { step, shares, settles: false, nowhere: false, proposals: AtomicUsize::new(0) }
     }
 }
 
@@ -77,6 +78,9 @@ impl Model for Toy {
         self.proposals.fetch_add(1, Ordering::Relaxed);
         let [length, z, noise] = self.step;
         let mut modes = Vec::new();
+        if self.nowhere {
+            return modes;
+        }
         for (way, (p_way, side)) in WAYS.iter().enumerate() {
             for (p_bias, bias) in BIASES {
                 let (predicted, innovation) = (state.x + side * length, MOTION + noise);
@@ -98,7 +102,11 @@ impl Model for Toy {
     }
 
     fn log_mass_of_staying(&self, _: &[Vec<LogWeight>]) -> LogWeight {
-        LogWeight::ZERO
+        if self.nowhere {
+            LogWeight::ONE
+        } else {
+            LogWeight::ZERO
+        }
     }
 
     fn advance(&self, state: &State, mode: &Way, rng: &mut Stream) -> State {
@@ -302,6 +310,18 @@ fn successors_share_their_ancestors() {
         .map(Arc::as_ptr)
         .collect();
     assert_eq!(roots.len(), 1, "all stem from the one initial state");
+}
+
+#[test]
+fn a_step_that_leads_nowhere_is_none() {
+    let mut filter = ParticleFilter::new(start(), 50, 0.0, 3);
+    let mut stuck = filter.clone();
+    stuck.step(&Toy { nowhere: true, ..Toy::new(STEPS[0], true) });
+    let (a, b) = (filter.step(&Toy::new(STEPS[0], true)), stuck.step(&Toy::new(STEPS[0], true)));
+    assert_eq!(a, b);
+    for (p, q) in filter.particles().iter().zip(stuck.particles()) {
+        assert_eq!(p.state.x, q.state.x, "drawn from the same stream");
+    }
 }
 
 #[test]

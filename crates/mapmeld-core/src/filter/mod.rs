@@ -207,7 +207,7 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
             let (before, after) = (&before, &self.particles);
             tell(&Told { step, before, leaders, modes, masses, after }, &fared);
         }
-        // Those that stayed have been settled, or are not worth it.
+        // Those that stayed have been settled, or will be at the end.
         let went = self.particles.iter_mut().zip(&moved).filter(|(_, moved)| **moved > 0);
         settle(model, went.map(|(p, _)| p).filter(|p| model.is_due(&p.state)));
         if resampled {
@@ -222,6 +222,8 @@ impl<S: Clone + Send + Sync> ParticleFilter<S> {
                 p.log_weight = LogWeight(w.ln());
             }
         }
+        // A step that leads nowhere is none.
+        self.step -= u64::from(fared.advanced == 0);
         fared
     }
 

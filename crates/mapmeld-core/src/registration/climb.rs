@@ -199,7 +199,7 @@ fn ascend(
 
 /// Covariance of the pose at a local maximum: the inverse of the information of the matched walls,
 /// neighbouring samples discounted, on top of a wide prior that keeps free directions finite (10 m,
-/// 1 radian).
+/// 1 radian), of the middle of b's walls; told of b's origin, in a's frame.
 pub fn covariance(
     a: &LocalMap,
     b: &LocalMap,

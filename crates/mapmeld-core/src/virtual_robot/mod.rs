@@ -9,7 +9,7 @@ mod motion;
 mod settling;
 
 use crate::config::{Config, PerceptionModel};
-use crate::filter::{LogWeight, Model, Stream};
+use crate::filter::{LogWeight, Model, Particle, Stream};
 use crate::local_map::LocalMap;
 use crate::memory::{Memory, Motion};
 use crate::pair_table::PairTable;
@@ -26,6 +26,9 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// Particles that lie closer than this (metres, radians) differ by the noise of their draws alone.
 const NOISE: (f64, f64) = (0.2, 0.04);
+
+/// Probability from which one map is as sure as another.
+const SURE: f64 = 0.999;
 
 /// A possible next pose of the virtual robot.
 #[derive(Debug, Clone)]
@@ -74,8 +77,8 @@ struct Here<'a> {
     placed: Vec<(usize, Se2)>,
     is_placed: Vec<bool>,
     background: Background,
-    /// Number of local maps that these are made of.
-    members: usize,
+    /// Number of local maps that all these are made of.
+    member_count: usize,
 }
 
 /// The maps that merged maps are made of.
@@ -103,6 +106,12 @@ impl VirtualRobot<'_> {
             .fold(start, |merged, (m, t)| self.fold(&merged, m, t_world_reference.between(&t), 1.0))
     }
 
+    /// Whether all particles have placed every map that may be visited.
+    pub(crate) fn is_everywhere(&self, particles: &[Particle<Overlay>]) -> bool {
+        let open = self.open.iter().filter(|open| **open).count();
+        particles.iter().all(|p| p.state.layers().count() == open)
+    }
+
     /// What is known of a map's pose.
     pub fn prior(&self, map: usize) -> Option<&Prior> {
         self.known.priors.get(map).and_then(Option::as_ref)
@@ -119,8 +128,9 @@ impl VirtualRobot<'_> {
         let mut is_placed = vec![false; self.maps.len()];
         placed.iter().for_each(|(m, _)| is_placed[*m] = true);
         let members: Vec<&LocalMap> = placed.iter().flat_map(|(m, _)| self.members(*m)).collect();
-        let (members, of) = (members.len(), members.into_iter());
-        Here { merged, is_placed, background: Background::new(of, self.rung, 0.0), placed, members }
+        let member_count = members.len();
+        let background = Background::new(members.into_iter(), self.rung, 0.0);
+        Here { merged, placed, is_placed, background, member_count }
     }
 
     /// The local maps that a map is made of. Merged maps are judged by their size, as every map is.
@@ -152,8 +162,9 @@ impl VirtualRobot<'_> {
         let seen: Vec<_> = told.into_iter().map(|k| seen[k]).collect();
         let partners = self.pairs.partners(map).filter(|m| here.is_placed[*m]);
         let decoy = partners.map(|m| self.pairs.decoy(m, map)).fold(0.0, f64::max);
-        let own = Background::new(self.members(map).into_iter(), self.rung, decoy);
-        let pairs = self.parts.as_ref().map_or(1, |_| here.members * self.members(map).len());
+        let members = self.members(map);
+        let pairs = self.parts.as_ref().map_or(1, |_| here.member_count * members.len());
+        let own = Background::new(members.into_iter(), self.rung, decoy);
         let background = Background { pairs, ..own.with(&here.background) };
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();
@@ -264,9 +275,10 @@ impl Model for VirtualRobot<'_> {
         if self.is_large() || self.config.perception.model == PerceptionModel::OrientedWalls {
             // One order for all particles, that of the surest next: else hardly two of them would place the same maps
             // before the very end, and each would have to weigh all by itself. The paper's model has no say in whether
-            // a map is placed at all: it weighs the poses of all maps against each other.
-            let surest =
-                modes.iter().map(|m| (m.any, m.map)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+            // a map is placed at all: it weighs the poses of all maps against each other, as long as they are few.
+            let surest = modes.iter().map(|m| (m.any.min(SURE), m.map));
+            // Of those that are sure the one that its pairs support best, whatever the noise of draws.
+            let surest = surest.reduce(|a, b| if b.0 > a.0 { b } else { a });
             modes.retain(|m| Some(m.map) == surest.map(|(_, map)| map));
         }
         modes

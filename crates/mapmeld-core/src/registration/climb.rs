@@ -44,6 +44,12 @@ fn pull_of(a: &LocalMap, b: &LocalMap, t_axes_axes: &Se2, samples: usize, pull: 
     matches(a, b, t_axes_axes, (samples, samples), |m| pull.add(&m));
 }
 
+/// The same of all walls, precisely.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn pull_of_all(a: &LocalMap, b: &LocalMap, t_axes_axes: &Se2, pull: &mut Pull) {
+    matches(a, b, t_axes_axes, (usize::MAX, usize::MAX), |m| pull.add_precisely(&m));
+}
+
 /// Geman-McClure weight of a residual.
 #[inline(always)]
 pub fn robust_weight(residual: f64, scale: f64) -> f64 {
@@ -214,7 +220,7 @@ pub fn covariance(
     let center = t_a_b.apply(b.center.unwrap_or_default());
     let to_a = a.grid.origin();
     let mut pull = Pull::new(to_a.inverse().apply(center), sigma);
-    pull_of(a, b, &axes_of(&a.grid, &b.grid, t_a_b), usize::MAX, &mut pull);
+    pull_of_all(a, b, &axes_of(&a.grid, &b.grid, t_a_b), &mut pull);
     let prior = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
     let h = discount / (sigma * sigma) * pull.information() + prior;
     let of_center = h.try_inverse().expect("information holds a positive prior");

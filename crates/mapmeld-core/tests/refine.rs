@@ -96,7 +96,7 @@ fn perturbed_poses_come_back() {
 /// Which walls agree is known only once the maps lie right: the answer is where they pull at each other then.
 #[test]
 fn what_was_refined_stays() {
-    // With one round eight of these end elsewhere when they are refined again.
+    // With one round nine of these end elsewhere when they are refined again.
     for seed in 0..26 {
         let mut rng = rng(seed);
         let (maps, frames) = robots(&mut rng, 4);

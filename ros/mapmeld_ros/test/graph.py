@@ -25,7 +25,7 @@ from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 
 from mapmeld import OccupancyGrid
-from mapmeld_ros.qos import LATCHED
+from mapmeld_ros.qos import ALL_LATCHED, LATCHED
 
 HERE = Path(__file__).parent
 # Nothing here takes so long on a machine that does nothing else.
@@ -133,7 +133,8 @@ class Graph:
 
     def hear_tf(self, topic: str) -> None:
         self.links[topic] = []
-        qos = LATCHED if topic.endswith("static") else QoSProfile(depth=100)
+        # At a depth of one, what two publishers latched would replace each other before it is heard.
+        qos = ALL_LATCHED if topic.endswith("static") else QoSProfile(depth=100)
         self.ros.create_subscription(TFMessage, topic, self.links[topic].append, qos)
 
     def spin(self, seconds: float) -> None:

@@ -260,22 +260,27 @@ impl Model for VirtualRobot<'_> {
         // Unknown order: every open map is a candidate, the best supported are weighed.
         let mut by_map = self.all_motions(&here);
         by_map.sort_by(|a, b| b.1[0].0.total_cmp(&a.1[0].0));
-        let mut modes = Vec::new();
+        // One order for all particles, that of the surest next: else hardly two of them would place the same maps before
+        // the very end, and each would have to weigh all by itself. The paper's model has no say in whether a map is
+        // placed at all: it weighs the poses of all maps against each other, as long as they are few.
+        let is_one_order =
+            self.is_large() || self.config.perception.model == PerceptionModel::OrientedWalls;
+        let is_sure = |m: &NextPose| is_one_order && m.any >= SURE;
+        let mut modes: Vec<NextPose> = Vec::new();
         let mut missing = self.config.filter.maps_per_step;
         let mut left = by_map.as_slice();
-        // As many at a time as are missing: none is weighed for nothing.
-        while missing > 0 && !left.is_empty() {
-            let (next, rest) = left.split_at(missing.min(left.len()));
+        while missing > 0 && !left.is_empty() && !modes.iter().any(is_sure) {
+            // As many at a time as are missing, so that none is weighed for nothing; the first alone, as it is mostly
+            // sure.
+            let at_once = if is_one_order && left.len() == by_map.len() { 1 } else { missing };
+            let (next, rest) = left.split_at(at_once.min(left.len()));
             for found in parallel::map(next, |(map, motions)| self.perceive(&here, *map, motions)) {
                 missing -= usize::from(!found.is_empty());
                 modes.extend(found);
             }
             left = rest;
         }
-        if self.is_large() || self.config.perception.model == PerceptionModel::OrientedWalls {
-            // One order for all particles, that of the surest next: else hardly two of them would place the same maps
-            // before the very end, and each would have to weigh all by itself. The paper's model has no say in whether
-            // a map is placed at all: it weighs the poses of all maps against each other, as long as they are few.
+        if is_one_order {
             let surest = modes.iter().map(|m| (m.any.min(SURE), m.map));
             // Of those that are sure the one that its pairs support best, whatever the noise of draws.
             let surest = surest.reduce(|a, b| if b.0 > a.0 { b } else { a });

@@ -121,11 +121,11 @@ fn prepare(c: &mut Criterion) {
         b.iter(|| DistanceTable::to_class(black_box(&grid), Class::Occupied))
     });
     c.bench_function("boundary", |b| b.iter(|| boundary::extract(black_box(&grid))));
-    let walls = boundary::extract(&grid);
+    let (walls, index) = boundary::extract(&grid);
     c.bench_function("lines", |b| {
-        b.iter(|| lines::fit(&grid, black_box(&walls), &config.structure))
+        b.iter(|| lines::fit(&grid, black_box((&walls, &index)), &config.structure))
     });
-    let fitted = lines::fit(&grid, &walls, &config.structure);
+    let fitted = lines::fit(&grid, (&walls, &index), &config.structure);
     c.bench_function("corners", |b| {
         b.iter(|| corners::find(&grid, black_box(&fitted), &config.structure))
     });

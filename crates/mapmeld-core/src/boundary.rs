@@ -26,12 +26,12 @@ const RING: [(isize, isize); 8] =
 /// Half width, in cells, of the window over which normals are fitted.
 const FIT_RADIUS: isize = 3;
 
-/// All oriented wall points of a grid, ordered by cell. A wall seen from both sides gives two points
-/// a cell, with opposed normals.
-pub fn extract(grid: &OccupancyGrid) -> Vec<BoundaryPoint> {
+/// All oriented wall points of a grid, ordered by cell, and where they are. A wall seen from both sides gives two
+/// points a cell, with opposed normals.
+pub fn extract(grid: &OccupancyGrid) -> (Vec<BoundaryPoint>, CellIndex) {
     let raw = raw_points(grid);
     let index = CellIndex::new(grid, raw.iter().map(|p| p.cell));
-    raw.iter().map(|p| fit_normal(grid, &raw, &index, p)).collect()
+    (raw.iter().map(|p| fit_normal(grid, &raw, &index, p)).collect(), index)
 }
 
 /// Points in the grid's own axes (cells), with normals from the eight neighbours.
@@ -145,7 +145,7 @@ fn fit_normal(
 }
 
 /// Finds points by the cell they lie in. Points must come ordered by cell.
-pub(crate) struct CellIndex {
+pub struct CellIndex {
     width: isize,
     height: isize,
     /// `first[cell]..first[cell + 1]` are the points of a cell.
@@ -153,7 +153,8 @@ pub(crate) struct CellIndex {
 }
 
 impl CellIndex {
-    pub(crate) fn new(grid: &OccupancyGrid, cells: impl Iterator<Item = u32>) -> Self {
+    /// Of points in these cells.
+    pub fn new(grid: &OccupancyGrid, cells: impl Iterator<Item = u32>) -> Self {
         let all = grid.cells().len() + 1;
         let mut first: Vec<u32> = Vec::with_capacity(all);
         let mut points = 0;
@@ -167,7 +168,7 @@ impl CellIndex {
     }
 
     /// Calls `f` with the index of every point within `radius` cells (square window) of a cell.
-    pub(crate) fn for_window(&self, cell: u32, radius: isize, mut f: impl FnMut(usize)) {
+    pub fn for_window(&self, cell: u32, radius: isize, mut f: impl FnMut(usize)) {
         let (row, col) = (cell as isize / self.width, cell as isize % self.width);
         let (c0, c1) = ((col - radius).max(0), (col + radius).min(self.width - 1));
         for r in (row - radius).max(0)..=(row + radius).min(self.height - 1) {
@@ -204,7 +205,7 @@ mod tests {
     fn a_wall_seen_from_both_sides_has_two_opposed_normals() {
         for angle in [0.0, 0.2, 0.7, 1.4, 2.5, -1.0] {
             let origin = Se2::new(2.0, -1.0, 0.4);
-            let points = extract(&wall(angle, origin));
+            let (points, _) = extract(&wall(angle, origin));
             let across = origin.rotate(Vec2::new(-angle.sin(), angle.cos()));
             let (mut up, mut down) = (0, 0);
             for p in &points {
@@ -232,7 +233,7 @@ mod tests {
             })
             .collect();
         let g = OccupancyGrid::new("half", w, h, 0.1, Se2::IDENTITY, cells).unwrap();
-        let points = extract(&g);
+        let (points, _) = extract(&g);
         assert_eq!(points.len(), w);
         assert!(points.iter().all(|p| p.normal.y < -0.99));
     }

@@ -15,18 +15,50 @@ pub const FAR: u8 = 255;
 const REACH: u8 = 16;
 
 /// Of a distance in cells, [`FAR`] where it does not fit.
+#[inline(always)]
 fn square(d: u8) -> u8 {
     d.saturating_mul(d)
 }
 
 /// Takes a row's distances from the neighbouring row's where those are less, a cell farther on.
+#[inline(always)]
 fn step(row: &mut [u8], neighbours: &[u8]) {
     row.iter_mut().zip(neighbours).for_each(|(d, other)| *d = (other + 1).min(*d));
 }
 
 /// Takes what others know, so much farther away, where that is less: bytes that saturate, sixteen at a time.
+#[inline(always)]
 fn nearer(best: &mut [u8], others: &[u8], across: u8) {
     best.iter_mut().zip(others).for_each(|(b, v)| *b = v.saturating_add(across).min(*b));
+}
+
+/// Squared distances of cells, from zero for those of a set and [`REACH`] for all others.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn squared(mut along: Vec<u8>, width: usize) -> Vec<u8> {
+    // Along the columns first, a whole row at a time: each cell is one farther than the nearer of its neighbours.
+    let rows: Vec<usize> = (0..along.len()).step_by(width).collect();
+    for row in rows.iter().skip(1) {
+        let (before, here) = along.split_at_mut(*row);
+        step(&mut here[..width], &before[row - width..]);
+    }
+    for row in rows.iter().rev().skip(1) {
+        let (here, after) = along.split_at_mut(row + width);
+        step(&mut here[*row..], &after[..width]);
+    }
+    along.iter_mut().for_each(|d| *d = square(*d));
+    // Then the best of what lies within reach in the row, each with its own distance.
+    let mut squared = along.clone();
+    for (best, line) in squared.chunks_exact_mut(width).zip(along.chunks_exact(width)) {
+        if line.iter().fold(FAR, |least, v| least.min(*v)) == FAR {
+            continue;
+        }
+        for d in 1..usize::from(REACH).min(width) {
+            let across = square(d as u8);
+            nearer(&mut best[d..], line, across);
+            nearer(best, &line[d..], across);
+        }
+    }
+    squared
 }
 
 /// Squared distance in cells from every cell to the nearest cell of a set, exact up to
@@ -50,31 +82,7 @@ impl DistanceTable {
 
     /// Distances to the cells, row by row and so many in a row, where `set` is true.
     pub fn to_set(set: impl Iterator<Item = bool>, width: usize) -> Self {
-        // Along the columns first, a whole row at a time: each cell is one farther than the nearer of its neighbours.
-        let mut along: Vec<u8> = set.map(|is_in| if is_in { 0 } else { REACH }).collect();
-        let rows: Vec<usize> = (0..along.len()).step_by(width).collect();
-        for row in rows.iter().skip(1) {
-            let (before, here) = along.split_at_mut(*row);
-            step(&mut here[..width], &before[row - width..]);
-        }
-        for row in rows.iter().rev().skip(1) {
-            let (here, after) = along.split_at_mut(row + width);
-            step(&mut here[*row..], &after[..width]);
-        }
-        along.iter_mut().for_each(|d| *d = square(*d));
-        // Then the best of what lies within reach in the row, each with its own distance.
-        let mut squared = along.clone();
-        for (best, line) in squared.chunks_exact_mut(width).zip(along.chunks_exact(width)) {
-            if line.iter().fold(FAR, |least, v| least.min(*v)) == FAR {
-                continue;
-            }
-            for d in 1..usize::from(REACH).min(width) {
-                let across = square(d as u8);
-                nearer(&mut best[d..], line, across);
-                nearer(best, &line[d..], across);
-            }
-        }
-        Self { squared }
+        Self { squared: squared(set.map(|is_in| if is_in { 0 } else { REACH }).collect(), width) }
     }
 
     /// Squared distance in cells at a cell index, [`FAR`] beyond the table's reach.

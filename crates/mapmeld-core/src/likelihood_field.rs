@@ -9,10 +9,9 @@ mod probe_view;
 pub use probe_view::{ProbeView, Seen, Walls};
 
 use crate::boundary::{BoundaryPoint, CellIndex};
-use crate::catchment::{self, Catchments, MAX_REACH};
+use crate::catchment::{self, Catchments};
 use crate::grid::OccupancyGrid;
 use crate::se2::Vec2;
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Number of directions that are told apart.
@@ -21,8 +20,18 @@ pub const DIRECTIONS: usize = 8;
 /// tolerance of about 30 degrees.
 const AGREE: f64 = 0.92;
 
-/// Rows that points of one row reach.
-const OPEN_ROWS: usize = 2 * MAX_REACH + 2;
+const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// The eight directions.
+const AXES: [(f64, f64); DIRECTIONS] = [
+    (1.0, 0.0),
+    (DIAGONAL, DIAGONAL),
+    (0.0, 1.0),
+    (-DIAGONAL, DIAGONAL),
+    (-1.0, 0.0),
+    (-DIAGONAL, -DIAGONAL),
+    (0.0, -1.0),
+    (DIAGONAL, -DIAGONAL),
+];
 
 /// A wall point in the axes of its grid, metres: what registration asks for, in one piece of memory.
 #[derive(Debug, Clone, Copy)]
@@ -86,73 +95,24 @@ pub fn direction(v: Vec2) -> usize {
     }
 }
 
-/// The directions that a normal, in the grid's axes, agrees with: one bit each.
-fn agreeing(n: Vec2) -> u8 {
-    let angle = n.y.atan2(n.x);
-    let off = |b: usize| crate::se2::wrap(angle - TAU * b as f64 / DIRECTIONS as f64).abs();
-    (0..DIRECTIONS).filter(|b| off(*b) <= AGREE).fold(0, |bits, b| bits | 1 << b)
-}
-
 impl LikelihoodField {
-    /// Makes the field with a reach of `reach` cells. At most 65534 points can be held; they come ordered by cell.
-    pub fn new(grid: &OccupancyGrid, boundary: &[BoundaryPoint], reach: usize) -> Self {
+    /// Makes the field with a reach of `reach` cells. At most 65534 points can be held; they come ordered by cell, as
+    /// in `index`.
+    pub fn new(
+        grid: &OccupancyGrid,
+        boundary: &[BoundaryPoint],
+        index: &CellIndex,
+        reach: usize,
+    ) -> Self {
         assert!(boundary.len() < usize::from(u16::MAX), "boundary must be thinned first");
-        let (w, h) = (grid.width(), grid.height());
-        let mut nearest = vec![[boundary.len() as u16; DIRECTIONS]; w * h + 1];
-        // Points come row by row, so that few rows are open at a time, which stay in the near cache.
-        let open_rows = OPEN_ROWS.min(h);
-        let mut squared = vec![[u8::MAX; DIRECTIONS]; open_rows * w];
-        let mut opened = 0;
-        let to_grid = grid.locator();
-        let agreeing: Vec<u8> =
-            boundary.iter().map(|p| agreeing(to_grid.rotate(p.normal))).collect();
-        let place =
-            |p: &BoundaryPoint| (p.cell as isize / w as isize, p.cell as isize % w as isize);
-        let places: Vec<(isize, isize)> = boundary.iter().map(place).collect();
-        let catchments = Catchments::new(reach);
-        let index = CellIndex::new(grid, boundary.iter().map(|p| p.cell));
-        for (k, p) in boundary.iter().enumerate() {
-            let (row, col) = places[k];
-            while opened <= (row as usize + MAX_REACH).min(h - 1) {
-                squared[opened % open_rows * w..][..w].fill([u8::MAX; DIRECTIONS]);
-                opened += 1;
-            }
-            // Who agrees wherever this one does takes all cells that lie nearer to it.
-            let mut mine = catchments.alone();
-            index.for_window(p.cell, catchment::AROUND, |q| {
-                if agreeing[k] & !agreeing[q] == 0 {
-                    catchments.cede(&mut mine, places[q].0 - row, places[q].1 - col);
-                }
-            });
-            for (dr, from, to) in mine.rows() {
-                let at = row + dr;
-                if !(0..h as isize).contains(&at) {
-                    continue;
-                }
-                let squared = &mut squared[at as usize % open_rows * w..][..w];
-                let nearest = &mut nearest[at as usize * w..][..w];
-                for at in (col + from).max(0)..=(col + to).min(w as isize - 1) {
-                    let d2 = (dr * dr + (at - col) * (at - col)) as u8;
-                    let (squared, nearest) = (&mut squared[at as usize], &mut nearest[at as usize]);
-                    let mut directions = agreeing[k];
-                    while directions != 0 {
-                        let b = directions.trailing_zeros() as usize;
-                        directions &= directions - 1;
-                        if d2 < squared[b] {
-                            squared[b] = d2;
-                            nearest[b] = k as u16;
-                        }
-                    }
-                }
-            }
-        }
+        let nearest = nearest_of(grid, boundary, index, reach);
         let to_axes = grid.origin().inverse().to_rigid();
         let wall = |b: &BoundaryPoint| {
             let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));
             Wall { x: p.x as f32, y: p.y as f32, nx: n.x as f32, ny: n.y as f32 }
         };
         let walls = boundary.iter().map(wall).chain([NO_WALL]).collect();
-        Self { nearest: Arc::new(nearest), columns: w, is_turned: false, walls }
+        Self { nearest: Arc::new(nearest), columns: grid.width(), is_turned: false, walls }
     }
 
     /// The field of the mirror image of a grid so many metres wide, whose boundary has the mirrored points in the same
@@ -183,11 +143,88 @@ impl LikelihoodField {
     }
 }
 
+/// For every cell and one beyond the last, the nearest point within reach that agrees with each direction, the first of
+/// those equally near; the number of points where there is none.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn nearest_of(
+    grid: &OccupancyGrid,
+    boundary: &[BoundaryPoint],
+    index: &CellIndex,
+    reach: usize,
+) -> Vec<[u16; DIRECTIONS]> {
+    let (w, h) = (grid.width(), grid.height());
+    let to_grid = grid.locator();
+    let others: Vec<Ranks> = boundary.iter().map(|p| others(to_grid.rotate(p.normal))).collect();
+    let place = |p: &BoundaryPoint| (p.cell as isize / w as isize, p.cell as isize % w as isize);
+    let places: Vec<(isize, isize)> = boundary.iter().map(place).collect();
+    let catchments = Catchments::new(reach);
+    let none = [rank(u8::MAX, boundary.len()); DIRECTIONS];
+    // Points come row by row: the rows within reach of the last one are open, and stay in the near cache.
+    let open_rows = 2 * reach + 1;
+    let mut open = vec![none; open_rows * w];
+    let mut nearest = vec![[0; DIRECTIONS]; w * h + 1];
+    let mut close = |open: &mut [Ranks], row: usize| {
+        let line = &mut open[row % open_rows * w..][..w];
+        for (found, ranks) in nearest[row * w..].iter_mut().zip(line) {
+            *found = ranks.map(|r| r as u16);
+            *ranks = none;
+        }
+    };
+    let mut closed = 0;
+    for (k, p) in boundary.iter().enumerate() {
+        let (row, col) = places[k];
+        while closed + reach < row as usize {
+            close(&mut open, closed);
+            closed += 1;
+        }
+        // Who agrees wherever this one does takes all cells that lie nearer to it.
+        let mut mine = catchments.alone();
+        index.for_window(p.cell, catchment::AROUND, |q| {
+            if others[q].iter().zip(&others[k]).all(|(q, own)| q & !own == 0) {
+                catchments.cede(&mut mine, places[q].0 - row, places[q].1 - col);
+            }
+        });
+        for (dr, from, to) in mine.rows() {
+            let at = row + dr;
+            let (from, to) = (from.max(-col), to.min(w as isize - 1 - col));
+            if !(0..h as isize).contains(&at) || from > to {
+                continue;
+            }
+            let line = &mut open[at as usize % open_rows * w..][..w];
+            let others = others[k];
+            let piece = &mut line[(col + from) as usize..=(col + to) as usize];
+            for (dc, ranks) in (from..).zip(piece) {
+                let own = rank((dr * dr + dc * dc) as u8, k);
+                *ranks = std::array::from_fn(|b| ranks[b].min(own | others[b]));
+            }
+        }
+    }
+    (closed..h).for_each(|row| close(&mut open, row));
+    nearest[w * h] = [boundary.len() as u16; DIRECTIONS];
+    nearest
+}
+
+/// Of each direction, the least rank so far.
+type Ranks = [u32; DIRECTIONS];
+
+/// The nearer point ranks lower, and of those equally near the one that comes first; its index is in the lower half.
+fn rank(squared: u8, point: usize) -> u32 {
+    u32::from(squared) << 16 | point as u32
+}
+
+/// No bit in the directions that a normal, in the grid's axes, agrees with; all of them in the others, which makes any
+/// rank the last.
+fn others(n: Vec2) -> Ranks {
+    let least = AGREE.cos();
+    AXES.map(|(x, y)| if n.x * x + n.y * y >= least { 0 } else { u32::MAX })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::se2::Se2;
     use rand::{Rng, SeedableRng};
+    use std::f64::consts::TAU;
 
     #[test]
     fn direction_is_the_nearest_octant() {
@@ -226,7 +263,8 @@ mod tests {
             straightness: 1.0,
         };
         let points: Vec<BoundaryPoint> = places.into_iter().map(point).collect();
-        let field = LikelihoodField::new(&grid, &points, reach);
+        let index = CellIndex::new(&grid, points.iter().map(|p| p.cell));
+        let field = LikelihoodField::new(&grid, &points, &index, reach);
         for cell in 0..w * h {
             let at = grid.cell_center(cell / w, cell % w);
             for d in 0..DIRECTIONS {

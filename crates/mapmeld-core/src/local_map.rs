@@ -8,7 +8,7 @@ pub use floor::Floor;
 pub use patches::Patch;
 
 use crate::blocks::Blocks;
-use crate::boundary::{self, BoundaryPoint};
+use crate::boundary::{self, BoundaryPoint, CellIndex};
 use crate::catchment::MAX_REACH;
 use crate::config::Config;
 use crate::distance::DistanceTable;
@@ -110,8 +110,8 @@ const MAX_BOUNDARY: usize = 65_000;
 impl LocalMap {
     /// Prepares a map.
     pub fn new(grid: OccupancyGrid, config: &Config) -> Self {
-        let mut boundary = boundary::extract(&grid);
-        let mut lines = lines::fit(&grid, &boundary, &config.structure);
+        let (mut boundary, mut index) = boundary::extract(&grid);
+        let mut lines = lines::fit(&grid, (&boundary, &index), &config.structure);
         // A line knows the direction of its wall better than the steps of its cells do.
         for line in &lines {
             line.points.iter().for_each(|k| boundary[*k as usize].normal = line.normal);
@@ -126,6 +126,7 @@ impl LocalMap {
         if boundary.len() > MAX_BOUNDARY {
             let step = boundary.len().div_ceil(MAX_BOUNDARY);
             boundary = boundary.into_iter().step_by(step).collect();
+            index = CellIndex::new(&grid, boundary.iter().map(|p| p.cell));
             for line in &mut lines {
                 line.points.retain(|k| *k as usize % step == 0);
                 line.points.iter_mut().for_each(|k| *k /= step as u32);
@@ -133,7 +134,7 @@ impl LocalMap {
         }
         let reach_cells =
             ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, MAX_REACH);
-        let field = LikelihoodField::new(&grid, &boundary, reach_cells);
+        let field = LikelihoodField::new(&grid, &boundary, &index, reach_cells);
         let ground = Ground::new(&grid, &config.perception);
         Self {
             wall_length,

@@ -37,10 +37,9 @@ const CONNECT: isize = 3;
 /// Lines of a map, longest first.
 pub fn fit(
     grid: &OccupancyGrid,
-    boundary: &[BoundaryPoint],
+    (boundary, index): (&[BoundaryPoint], &CellIndex),
     config: &StructureConfig,
 ) -> Vec<Line> {
-    let index = CellIndex::new(grid, boundary.iter().map(|p| p.cell));
     let mut taken = vec![false; boundary.len()];
     // The straightest places first: they have the best direction to start from.
     let mut seeds: Vec<usize> = (0..boundary.len()).collect();
@@ -54,7 +53,7 @@ pub fn fit(
         if taken[seed] || boundary[seed].straightness < 0.8 {
             continue;
         }
-        let members = grow(grid, boundary, &index, (&taken, &mut seen_from), seed, config);
+        let members = grow(grid, boundary, index, (&taken, &mut seen_from), seed, config);
         if let Some(line) = finish(boundary, members, grid.resolution(), config) {
             line.points.iter().for_each(|k| taken[*k as usize] = true);
             lines.push(line);

@@ -196,11 +196,19 @@ impl Turned {
         let (w, h) = (a.width as i32, a.height as i32);
         for p in (0..asked).map(|k| &self.probes[k * all / asked]) {
             let (row, col) = (p.row + rows, p.col + cols);
-            for (k, score) in scores.iter_mut().enumerate() {
-                let (r, c) = (row + k as i32 / 3 - 1, col + k as i32 % 3 - 1);
+            let mut add = |k: usize, cell: i32| {
+                let (agree, contradict) = a.at(p.octant, cell as usize);
+                scores[k] += p.weight * agree + p.conflict_weight * contradict;
+            };
+            if (1..h - 1).contains(&row) && (1..w - 1).contains(&col) {
+                let first = (row - 1) * w + col - 1;
+                (0..9).for_each(|k| add(k as usize, first + k / 3 * w + k % 3));
+                continue;
+            }
+            for k in 0..9 {
+                let (r, c) = (row + k / 3 - 1, col + k % 3 - 1);
                 if (0..h).contains(&r) && (0..w).contains(&c) {
-                    let (agree, contradict) = a.at(p.octant, (r * w + c) as usize);
-                    *score += p.weight * agree + p.conflict_weight * contradict;
+                    add(k as usize, r * w + c);
                 }
             }
         }

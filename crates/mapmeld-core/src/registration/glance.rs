@@ -83,11 +83,13 @@ impl<'a> Glance<'a> {
         look.asked = blocks;
     }
 
-    /// What `probe::axes_of` tells, with the sine and cosine of the pose alone.
+    /// What `probe::axes_of` tells, with the sine and cosine of the pose alone, in single precision.
     fn axes(&self, t_a_b: &Se2) -> Axes {
-        let t = t_a_b.to_rigid();
+        let (s, c) = (t_a_b.theta as f32).sin_cos();
+        let (s, c) = (f64::from(s), f64::from(c));
+        let t = Rigid::from_parts(t_a_b.translation(), (s, c));
         let corner = self.to_axes_a.apply(t.apply(self.b.grid.origin().translation()));
-        let ((s, c), (s_turn, c_turn)) = (t.sin_cos(), self.sin_cos);
+        let (s_turn, c_turn) = self.sin_cos;
         let sin_cos = (s * c_turn + c * s_turn, c * c_turn - s * s_turn);
         Axes::from_parts(corner, t_a_b.theta + self.turn, sin_cos)
     }

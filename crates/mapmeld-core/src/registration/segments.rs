@@ -5,7 +5,7 @@
 //! directions, the shift from the point.
 
 use crate::registration::{Candidate, Source};
-use crate::se2::{Se2, Vec2};
+use crate::se2::{Rigid, Se2, Vec2};
 use crate::structure::Line;
 
 /// Lines of a map that are paired, longest first.
@@ -23,8 +23,10 @@ const TOLERANCE: f64 = 0.12;
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     point: Vec2,
-    /// Direction of the first normal, radians; the second is reached counter-clockwise by `turn`.
+    /// Direction halfway between the normals, radians; the second is reached counter-clockwise from the first by `turn`.
     heading: f64,
+    /// Sine and cosine of it.
+    sin_cos: (f64, f64),
     /// In (0, pi).
     turn: f64,
     weight: f64,
@@ -55,8 +57,9 @@ fn crossings(lines: &[Line]) -> Vec<Crossing> {
             } else {
                 (b, (-cross).atan2(a.normal.dot(&b.normal)))
             };
-            let heading = first.normal.y.atan2(first.normal.x);
-            out.push(Crossing { point, heading, turn, weight: a.length().min(b.length()) });
+            let heading = first.normal.y.atan2(first.normal.x) + 0.5 * turn;
+            let (sin_cos, weight) = (heading.sin_cos(), a.length().min(b.length()));
+            out.push(Crossing { point, heading, sin_cos, turn, weight });
         }
     }
     out.sort_by(|x, y| y.weight.total_cmp(&x.weight));
@@ -71,9 +74,10 @@ pub fn candidates(a: &[Line], b: &[Line]) -> Vec<Candidate> {
     for x in &ca {
         for y in cb.iter().filter(|y| (x.turn - y.turn).abs() < TOLERANCE) {
             // The mean of the two walls' rotations.
-            let theta = x.heading - y.heading + 0.5 * (x.turn - y.turn);
-            let turned = Se2::new(0.0, 0.0, theta).apply(y.point);
-            let t_a_b = Se2::from_parts(x.point - turned, theta);
+            let ((sx, cx), (sy, cy)) = (x.sin_cos, y.sin_cos);
+            let sin_cos = (sx * cy - cx * sy, cx * cy + sx * sy);
+            let turned = Rigid::from_parts(Vec2::zeros(), sin_cos).apply(y.point);
+            let t_a_b = Se2::from_parts(x.point - turned, x.heading - y.heading);
             out.push(Candidate { t_a_b, source: Source::Segments });
         }
     }

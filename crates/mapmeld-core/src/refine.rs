@@ -49,12 +49,39 @@ pub fn refine(
     known: &Known,
     config: &Config,
 ) -> Refined {
+    let (poses, edges) = led(maps, members, poses, held, known, config);
+    let (resolution, narrow) = (resolution(maps, members), narrow(maps, members, config));
+    let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
+    let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);
+    let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
+    let arms = arms(maps, members, &poses);
+    Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
+}
+
+/// The poses alone.
+pub fn poses(
+    maps: &[LocalMap],
+    members: &[usize],
+    poses: &[Se2],
+    held: &[usize],
+    known: &Known,
+    config: &Config,
+) -> Vec<Se2> {
+    led(maps, members, poses, held, known, config).0
+}
+
+/// Poses, and the pairs of members whose walls led them there.
+fn led(
+    maps: &[LocalMap],
+    members: &[usize],
+    poses: &[Se2],
+    held: &[usize],
+    known: &Known,
+    config: &Config,
+) -> (Vec<Se2>, Vec<(usize, usize)>) {
     let mut poses = poses.to_vec();
     let mut edges = overlapping(maps, members, &poses, known, config);
-    let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
-    let narrow =
-        config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
-    descend(maps, members, &mut poses, &edges, held, narrow, config);
+    descend(maps, members, &mut poses, &edges, held, config);
     for _ in 1..ROUNDS {
         // Which walls agree is better known now.
         let agreeing = overlapping(maps, members, &poses, known, config);
@@ -62,13 +89,20 @@ pub fn refine(
             break;
         }
         edges = agreeing;
-        descend(maps, members, &mut poses, &edges, held, narrow, config);
+        descend(maps, members, &mut poses, &edges, held, config);
     }
-    let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
-    let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);
-    let rms = (weight > 0.0).then(|| (squares / weight).sqrt());
-    let arms = arms(maps, members, &poses);
-    Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
+    (poses, edges)
+}
+
+/// The coarsest resolution of the maps, metres.
+fn resolution(maps: &[LocalMap], members: &[usize]) -> f64 {
+    members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max)
+}
+
+/// How wide the kernel is in the end, metres.
+fn narrow(maps: &[LocalMap], members: &[usize], config: &Config) -> f64 {
+    let walls = (2.0 * resolution(maps, members)).max(config.perception.climb_sigma);
+    config.refine.kernel.unwrap_or(walls)
 }
 
 /// Leads poses to where the walls of the edges fit best under a kernel that narrows down.
@@ -78,11 +112,10 @@ fn descend(
     poses: &mut [Se2],
     edges: &[(usize, usize)],
     held: &[usize],
-    narrow: f64,
     config: &Config,
 ) {
     let n = members.len();
-    let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
+    let (resolution, narrow) = (resolution(maps, members), narrow(maps, members, config));
     let reach = members.iter().map(|m| maps[*m].reach()).fold(f64::INFINITY, f64::min);
     let mut scale = (0.5 * reach).max(narrow);
     let iterations = if edges.is_empty() { 0 } else { config.refine.max_iterations };
@@ -126,9 +159,7 @@ pub fn uncertainty(
     config: &Config,
 ) -> Vec<Matrix3<f64>> {
     let edges = overlapping(maps, members, poses, known, config);
-    let resolution = members.iter().map(|m| maps[*m].grid.resolution()).fold(0.0, f64::max);
-    let narrow =
-        config.refine.kernel.unwrap_or((2.0 * resolution).max(config.perception.climb_sigma));
+    let (resolution, narrow) = (resolution(maps, members), narrow(maps, members, config));
     let (h, _) = normal_equations(maps, members, poses, &edges, held, narrow);
     let pulls = tension(maps, members, poses, &edges, narrow).pulls;
     covariances(h, pulls, held, &arms(maps, members, poses), resolution, config)

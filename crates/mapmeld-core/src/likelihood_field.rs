@@ -127,19 +127,17 @@ impl LikelihoodField {
         }
     }
 
-    /// Index of the nearest wall point whose normal agrees with `direction` (in the grid's axes), at
-    /// a cell of the grid; none within reach.
+    /// Of each direction, in the grid's axes, the index of the nearest wall point whose normal agrees with it, at a cell
+    /// of the grid; beyond the last point where none is within reach.
     #[inline(always)]
-    pub fn nearest(&self, cell: usize, direction: usize) -> Option<usize> {
-        let (cell, direction) = match self.is_turned {
+    pub fn nearest(&self, row: usize, col: usize) -> [u16; DIRECTIONS] {
+        match self.is_turned {
             true => {
-                let (row, col) = (cell / self.columns, cell % self.columns);
-                ((row + 1) * self.columns - 1 - col, turned(direction))
+                let there = self.nearest[(row + 1) * self.columns - 1 - col];
+                std::array::from_fn(|d| there[turned(d)])
             }
-            false => (cell, direction),
-        };
-        let k = usize::from(self.nearest[cell][direction]);
-        (k + 1 < self.walls.len()).then_some(k)
+            false => self.nearest[row * self.columns + col],
+        }
     }
 }
 
@@ -267,6 +265,7 @@ mod tests {
         let field = LikelihoodField::new(&grid, &points, &index, reach);
         for cell in 0..w * h {
             let at = grid.cell_center(cell / w, cell % w);
+            let nearest = field.nearest(cell / w, cell % w);
             for d in 0..DIRECTIONS {
                 let a = TAU * d as f64 / 8.0;
                 let axis = grid.origin().rotate(Vec2::new(a.cos(), a.sin()));
@@ -276,7 +275,7 @@ mod tests {
                     .map(|p| (p.position - at).norm())
                     .filter(|r| *r <= 0.1 * reach as f64 + 1e-9)
                     .min_by(f64::total_cmp);
-                let got = field.nearest(cell, d).map(|k| (points[k].position - at).norm());
+                let got = points.get(usize::from(nearest[d])).map(|k| (k.position - at).norm());
                 match (best, got) {
                     (Some(b), Some(g)) => assert!((b - g).abs() < 1e-9),
                     (None, None) => {}

@@ -164,7 +164,8 @@ mod tests {
             let at = turned.grid.cell_center(cell / columns, cell % columns);
             for d in 0..DIRECTIONS {
                 let far = |m: &LocalMap| {
-                    m.field.nearest(cell, d).map(|k| (m.boundary[k].position - at).norm())
+                    let nearest = m.field.nearest(cell / columns, cell % columns);
+                    m.boundary.get(usize::from(nearest[d])).map(|b| (b.position - at).norm())
                 };
                 match (far(&turned), far(&anew)) {
                     (Some(x), Some(y)) => assert!((x - y).abs() < 1e-9),

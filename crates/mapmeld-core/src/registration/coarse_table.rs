@@ -88,30 +88,36 @@ impl CoarseTable {
             (SCORES.0 * (-(r / BLUR).powi(2)).exp2()).round() as i8
         };
         let values: Vec<i8> = (0..=MAX_REACH * MAX_REACH).map(value).collect();
+        let places: Vec<(i32, i32)> = boundary
+            .iter()
+            .map(|b| ((b.cell as usize / g.width()) as i32, (b.cell as usize % g.width()) as i32))
+            .collect();
+        let fine = |k: usize| ((k as f64 + 0.5) * cell / g.resolution()) as usize;
         let mut cells = vec![[0; DIRECTIONS + 1]; width * height + 1];
-        for row in 0..height {
-            for col in 0..width {
-                let (u, v) = ((col as f64 + 0.5) * cell, (row as f64 + 0.5) * cell);
-                let (fine_col, fine_row) =
-                    ((u / g.resolution()) as usize, (v / g.resolution()) as usize);
-                if fine_col >= g.width() || fine_row >= g.height() {
-                    continue;
+        for (row, line) in cells.chunks_exact_mut(width).enumerate() {
+            let fine_row = fine(row);
+            if fine_row >= g.height() {
+                break;
+            }
+            for (col, cell) in line.iter_mut().enumerate() {
+                let fine_col = fine(col);
+                if fine_col >= g.width() {
+                    break;
                 }
-                let fine = fine_row * g.width() + fine_col;
-                let [agree @ .., contradict] = &mut cells[row * width + col];
-                *contradict = match ground.depth_squared(fine) >= deep {
+                let at = fine_row * g.width() + fine_col;
+                let [agree @ .., contradict] = cell;
+                *contradict = match ground.depth_squared(at) >= deep {
                     true => SCORES.2,
-                    false if ground.is_unknown(fine) => 0,
+                    false if ground.is_unknown(at) => 0,
                     false => SCORES.1,
                 };
-                for (d, agree) in agree.iter_mut().enumerate() {
-                    let Some(k) = field.nearest(fine, d) else { continue };
-                    let wall = boundary[k].cell as usize;
-                    let rows = (wall / g.width()).abs_diff(fine_row);
-                    let cols = (wall % g.width()).abs_diff(fine_col);
-                    // Agreement takes the place of what the cell says of strangers.
-                    *agree =
-                        (values[rows * rows + cols * cols] - (*contradict).max(SCORES.1)).max(0);
+                // Agreement takes the place of what the cell says of strangers.
+                let otherwise = (*contradict).max(SCORES.1);
+                let nearest = field.nearest(fine_row, fine_col);
+                for (agree, k) in agree.iter_mut().zip(nearest) {
+                    let Some((row, col)) = places.get(usize::from(k)) else { continue };
+                    let (rows, cols) = (row - fine_row as i32, col - fine_col as i32);
+                    *agree = (values[(rows * rows + cols * cols) as usize] - otherwise).max(0);
                 }
             }
         }
@@ -159,18 +165,24 @@ impl Wide {
     /// The best that any of the four cells says.
     fn new(fine_width: usize, fine_height: usize, fine: &[CoarseCell]) -> Self {
         let (width, height) = (fine_width.div_ceil(2), fine_height.div_ceil(2));
+        let best = |row: usize, col: usize| {
+            let rows = [2 * row, (2 * row + 1).min(fine_height - 1)];
+            let cols = [2 * col, (2 * col + 1).min(fine_width - 1)];
+            let mut best = fine[rows[0] * fine_width + cols[0]];
+            for (row, col) in [(0, 1), (1, 0), (1, 1)] {
+                let cell = &fine[rows[row] * fine_width + cols[col]];
+                best.iter_mut().zip(cell).for_each(|(best, v)| *best = (*best).max(*v));
+            }
+            best
+        };
+        let all: Vec<CoarseCell> =
+            (0..height).flat_map(|row| (0..width).map(move |col| best(row, col))).collect();
         let mut values = Vec::new();
         let mut runs: [Vec<Run>; DIRECTIONS + 1] = Default::default();
         let mut line = vec![0i16; width];
         for (table, runs) in runs.iter_mut().enumerate() {
-            for row in 0..height {
-                let rows = [2 * row, (2 * row + 1).min(fine_height - 1)];
-                for (col, best) in line.iter_mut().enumerate() {
-                    let cols = [2 * col, (2 * col + 1).min(fine_width - 1)];
-                    let cells =
-                        rows.iter().flat_map(|r| cols.map(|c| fine[r * fine_width + c][table]));
-                    *best = i16::from(cells.max().expect("four cells"));
-                }
+            for (row, cells) in all.chunks_exact(width.max(1)).enumerate() {
+                line.iter_mut().zip(cells).for_each(|(v, cell)| *v = i16::from(cell[table]));
                 runs_of(&line, row, &mut values, runs);
             }
         }

@@ -266,7 +266,7 @@ mod tests {
         for cell in 0..w * h {
             let at = grid.cell_center(cell / w, cell % w);
             let nearest = field.nearest(cell / w, cell % w);
-            for d in 0..DIRECTIONS {
+            for (d, nearest) in nearest.iter().enumerate() {
                 let a = TAU * d as f64 / 8.0;
                 let axis = grid.origin().rotate(Vec2::new(a.cos(), a.sin()));
                 let best = points
@@ -275,7 +275,7 @@ mod tests {
                     .map(|p| (p.position - at).norm())
                     .filter(|r| *r <= 0.1 * reach as f64 + 1e-9)
                     .min_by(f64::total_cmp);
-                let got = points.get(usize::from(nearest[d])).map(|k| (k.position - at).norm());
+                let got = points.get(usize::from(*nearest)).map(|k| (k.position - at).norm());
                 match (best, got) {
                     (Some(b), Some(g)) => assert!((b - g).abs() < 1e-9),
                     (None, None) => {}

@@ -101,7 +101,9 @@ def test_a_frame_that_somebody_else_leads_to_is_left_to_them(graph: Graph) -> No
     graph.wait_status(left="merged", middle="merged")
     graph.wait("the other transform", graph.tree)
     graph.spin(0.5)
-    graph.wait("the problem", lambda: "somebody else publishes a static transform from 'world'" in node.said())
+    graph.wait(
+        "the problem", lambda: "somebody else publishes a static transform from 'world'" in node.said()
+    )
     graph.wait("the other transform alone", lambda: list(graph.tree()) == ["middle/map"])
 
     # When they stop, the node takes over.

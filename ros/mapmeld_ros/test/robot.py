@@ -64,7 +64,7 @@ class Robots:
         elif command["do"] == "tf":
             link = TransformStamped(child_frame_id=command["child"])
             link.header.frame_id = command["parent"]
-            # Nowhere near where the node would put a map: its own transforms are told from others' by their numbers.
+            # Far from where the node would put a map: it tells its own transforms by their numbers.
             link.transform.translation.x = 99.0
             publisher = self.publisher(TFMessage, topic, {"durability": "volatile", **command})
             publisher.publish(TFMessage(transforms=[link]))

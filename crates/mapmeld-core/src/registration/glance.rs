@@ -83,13 +83,12 @@ impl<'a> Glance<'a> {
         look.asked = blocks;
     }
 
-    /// What `probe::axes_of` tells, with the sine and cosine of the pose alone, in single precision.
+    /// What `probe::axes_of` tells, with the sine and cosine of the pose alone.
     fn axes(&self, t_a_b: &Se2) -> Axes {
-        let (s, c) = (t_a_b.theta as f32).sin_cos();
-        let (s, c) = (f64::from(s), f64::from(c));
-        let t = Rigid::from_parts(t_a_b.translation(), (s, c));
+        // In double precision: it turns the origin of b, which may be a georeferenced one.
+        let t = t_a_b.to_rigid();
         let corner = self.to_axes_a.apply(t.apply(self.b.grid.origin().translation()));
-        let (s_turn, c_turn) = self.sin_cos;
+        let ((s, c), (s_turn, c_turn)) = (t.sin_cos(), self.sin_cos);
         let sin_cos = (s * c_turn + c * s_turn, c * c_turn - s * s_turn);
         Axes::from_parts(corner, t_a_b.theta + self.turn, sin_cos)
     }
@@ -109,15 +108,18 @@ mod tests {
             let cells = (0..900).map(|k| if k % 30 == 4 { 100 } else { 0 }).collect();
             LocalMap::new(OccupancyGrid::new("g", 30, 30, 0.1, origin, cells).unwrap(), &config)
         };
-        let (a, b) = (map(Se2::new(40.0, 4.0, 0.7)), map(Se2::new(-3.0, 2.0, -1.2)));
-        let t_a_b = Se2::new(44.0, 5.0, 2.0);
-        let (got, expected) =
-            (Glance::new(&a, &b).axes(&t_a_b), Axes::new(&axes_of(&a.grid, &b.grid, &t_a_b)));
-        for (x, y) in [(0.0, 0.0), (3.0, 0.0), (0.0, 2.0)] {
-            let ((gx, gy), (ex, ey)) = (got.apply(x, y), expected.apply(x, y));
-            assert!((gx - ex).abs() < 1e-4 && (gy - ey).abs() < 1e-4, "{got:?} {expected:?}");
+        // The second frame is a georeferenced one.
+        for far in [Se2::new(-3.0, 2.0, -1.2), Se2::new(4.5e5, 5.4e6, -1.2)] {
+            let (a, b) = (map(Se2::new(40.0, 4.0, 0.7)), map(far));
+            let t_a_b = Se2::new(44.0, 5.0, 2.0).compose(&far.inverse());
+            let (got, expected) =
+                (Glance::new(&a, &b).axes(&t_a_b), Axes::new(&axes_of(&a.grid, &b.grid, &t_a_b)));
+            for (x, y) in [(0.0, 0.0), (3.0, 0.0), (0.0, 2.0)] {
+                let ((gx, gy), (ex, ey)) = (got.apply(x, y), expected.apply(x, y));
+                assert!((gx - ex).abs() < 1e-4 && (gy - ey).abs() < 1e-4, "{got:?} {expected:?}");
+            }
+            assert_eq!(got.octant(700), expected.octant(700));
         }
-        assert_eq!(got.octant(700), expected.octant(700));
     }
 
     fn walls() -> (LocalMap, LocalMap) {

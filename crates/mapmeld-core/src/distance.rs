@@ -26,7 +26,7 @@ fn step(row: &mut [u8], neighbours: &[u8]) {
     row.iter_mut().zip(neighbours).for_each(|(d, other)| *d = (other + 1).min(*d));
 }
 
-/// Takes what others know, so much farther away, where that is less: bytes that saturate, sixteen at a time.
+/// Takes what others know, so much farther away, where that is less: bytes that saturate, many at a time.
 #[inline(always)]
 fn nearer(best: &mut [u8], others: &[u8], across: u8) {
     best.iter_mut().zip(others).for_each(|(b, v)| *b = v.saturating_add(across).min(*b));

@@ -9,7 +9,7 @@ mod probe_view;
 pub use probe_view::{ProbeView, Seen, Walls};
 
 use crate::boundary::{BoundaryPoint, CellIndex};
-use crate::catchment::{self, Catchments};
+use crate::catchment::{self, Catchments, MAX_REACH};
 use crate::grid::OccupancyGrid;
 use crate::se2::Vec2;
 use std::sync::Arc;
@@ -152,12 +152,13 @@ fn nearest_of(
 ) -> Vec<[u16; DIRECTIONS]> {
     let (w, h) = (grid.width(), grid.height());
     let to_grid = grid.locator();
-    let others: Vec<Ranks> = boundary.iter().map(|p| others(to_grid.rotate(p.normal))).collect();
+    let disagree: Vec<Ranks> =
+        boundary.iter().map(|p| disagreeing(to_grid.rotate(p.normal))).collect();
     let place = |p: &BoundaryPoint| (p.cell as isize / w as isize, p.cell as isize % w as isize);
     let places: Vec<(isize, isize)> = boundary.iter().map(place).collect();
     let catchments = Catchments::new(reach);
     let none = [rank(u8::MAX, boundary.len()); DIRECTIONS];
-    // Points come row by row: the rows within reach of the last one are open, and stay in the near cache.
+    // Points come row by row: only the rows within reach of the last one are open.
     let open_rows = 2 * reach + 1;
     let mut open = vec![none; open_rows * w];
     let mut nearest = vec![[0; DIRECTIONS]; w * h + 1];
@@ -178,7 +179,7 @@ fn nearest_of(
         // Who agrees wherever this one does takes all cells that lie nearer to it.
         let mut mine = catchments.alone();
         index.for_window(p.cell, catchment::AROUND, |q| {
-            if others[q].iter().zip(&others[k]).all(|(q, own)| q & !own == 0) {
+            if disagree[q].iter().zip(&disagree[k]).all(|(q, own)| q & !own == 0) {
                 catchments.cede(&mut mine, places[q].0 - row, places[q].1 - col);
             }
         });
@@ -189,11 +190,11 @@ fn nearest_of(
                 continue;
             }
             let line = &mut open[at as usize % open_rows * w..][..w];
-            let others = others[k];
+            let disagree = disagree[k];
             let piece = &mut line[(col + from) as usize..=(col + to) as usize];
             for (dc, ranks) in (from..).zip(piece) {
                 let own = rank((dr * dr + dc * dc) as u8, k);
-                *ranks = std::array::from_fn(|b| ranks[b].min(own | others[b]));
+                *ranks = std::array::from_fn(|b| ranks[b].min(own | disagree[b]));
             }
         }
     }
@@ -202,7 +203,10 @@ fn nearest_of(
     nearest
 }
 
-/// Of each direction, the least rank so far.
+// A squared distance within reach fits a byte, below that of where nothing is.
+const _: () = assert!(MAX_REACH * MAX_REACH < u8::MAX as usize);
+
+/// A rank for each direction.
 type Ranks = [u32; DIRECTIONS];
 
 /// The nearer point ranks lower, and of those equally near the one that comes first; its index is in the lower half.
@@ -212,7 +216,7 @@ fn rank(squared: u8, point: usize) -> u32 {
 
 /// No bit in the directions that a normal, in the grid's axes, agrees with; all of them in the others, which makes any
 /// rank the last.
-fn others(n: Vec2) -> Ranks {
+fn disagreeing(n: Vec2) -> Ranks {
     let least = AGREE.cos();
     AXES.map(|(x, y)| if n.x * x + n.y * y >= least { 0 } else { u32::MAX })
 }

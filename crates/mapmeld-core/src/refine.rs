@@ -49,7 +49,7 @@ pub fn refine(
     known: &Known,
     config: &Config,
 ) -> Refined {
-    let (poses, edges) = led(maps, members, poses, held, known, config);
+    let (poses, edges) = self::poses(maps, members, poses, held, known, config);
     let (resolution, narrow) = (resolution(maps, members), narrow(maps, members, config));
     let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
     let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);
@@ -58,20 +58,8 @@ pub fn refine(
     Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
 }
 
-/// The poses alone.
+/// The refined poses alone, and the pairs of members whose walls led them there.
 pub fn poses(
-    maps: &[LocalMap],
-    members: &[usize],
-    poses: &[Se2],
-    held: &[usize],
-    known: &Known,
-    config: &Config,
-) -> Vec<Se2> {
-    led(maps, members, poses, held, known, config).0
-}
-
-/// Poses, and the pairs of members whose walls led them there.
-fn led(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],

@@ -178,8 +178,8 @@ stage! {
         resample_below: f64 = 0.5,
         /// Candidates of one map that are weighed for one particle, best first by their pairs.
         candidates_per_map: usize = 6,
-        /// Maps that are weighed as the next one for a particle, best first by their pairs; by the walls' model it
-        /// goes to the surest.
+        /// Maps that are weighed as the next one for a particle at most, best first by their pairs; by the walls' model it
+        /// goes to the first that is sure, without a look at another, else to the surest.
         maps_per_step: usize = 3,
     }
 }

@@ -94,7 +94,7 @@ impl CoarseTable {
             .collect();
         let fine = |k: usize| ((k as f64 + 0.5) * cell / g.resolution()) as usize;
         let mut cells = vec![[0; DIRECTIONS + 1]; width * height + 1];
-        for (row, line) in cells.chunks_exact_mut(width).enumerate() {
+        for (row, line) in cells.chunks_exact_mut(width).take(height).enumerate() {
             let fine_row = fine(row);
             if fine_row >= g.height() {
                 break;
@@ -181,7 +181,7 @@ impl Wide {
         let mut runs: [Vec<Run>; DIRECTIONS + 1] = Default::default();
         let mut line = vec![0i16; width];
         for (table, runs) in runs.iter_mut().enumerate() {
-            for (row, cells) in all.chunks_exact(width.max(1)).enumerate() {
+            for (row, cells) in all.chunks_exact(width).enumerate() {
                 line.iter_mut().zip(cells).for_each(|(v, cell)| *v = i16::from(cell[table]));
                 runs_of(&line, row, &mut values, runs);
             }

@@ -235,11 +235,11 @@ particle composes the modes kept of each pair (`registration.max_modes`) with it
   c^2 is hidden by what they cost.
 - particles Np and maps N meet in `filter`, which looks at no corners: a step composes kept modes with the
   poses of the placed maps and weighs at most `filter.candidates_per_map` poses of a map. With an unknown
-  order, maps left are tried until `filter.maps_per_step` of them have been found to fit, and a particle goes
-  to the surest of those. Particles that are copies of each other are served by one turn.
+  order, maps left are tried until one is sure or `filter.maps_per_step` of them have been found to fit, and a
+  particle goes to the surest of those. Particles that are copies of each other are served by one turn.
 
 What `filter` pays in unknown order grows in two ways at once while maps are few: a pose is weighed against
-all placed maps, and more maps are tried until `filter.maps_per_step` is reached. Besides, the motions of all
+all placed maps, and more maps are tried until one is sure. Besides, the motions of all
 maps left from all placed maps are composed at every step, N^3 in all, without a look at any map.
 """
 

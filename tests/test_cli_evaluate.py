@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mapmeld import se2
+from mapmeld import OccupancyGrid, se2
 from rooms import TRUTH, assert_refused, building, run_cli, save
 
 
@@ -65,6 +65,22 @@ def test_a_moved_map_is_wrong(case: Path) -> None:
     code, out, _ = run_cli("evaluate", file, case / "truth.json", "--maps", case / "maps", "--json")
     assert code == 0
     assert json.loads(out)["summary"]["wrong"] == 2
+    assert run_cli("evaluate", file, case / "truth.json", "--maps", case / "maps", "--strict")[0] == 3
+
+
+def test_strict_lets_a_right_result_pass(case: Path) -> None:
+    to = ("evaluate", case / "out/result.json", case / "truth.json", "--maps", case / "maps")
+    assert run_cli(*to, "--strict")[0] == 0
+
+
+def test_the_truth_of_another_case_is_refused(case: Path) -> None:
+    left, *others = building()
+    other = save(case / "other", [OccupancyGrid(left.data[:-3], left.resolution, left.origin, "left"), *others])
+    to = ("evaluate", case / "out/result.json", case / "truth.json", "--maps", Path(other[0]).parent)
+    assert_refused(run_cli(*to), "left.yaml", "another")
+    for path in (case / "maps").iterdir():
+        path.unlink()
+    assert run_cli(*to)[0] == 0, "where the maps that were merged are gone, names must do"
 
 
 def test_bad_input_is_one_line(case: Path) -> None:

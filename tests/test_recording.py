@@ -19,7 +19,7 @@ from rooms import assert_refused, blank, building, hall, run_cli, save
 
 
 def rerun() -> Any:
-    return pytest.importorskip("rerun", reason="needs rerun-sdk: pip install 'mapmeld[rerun]'")
+    return pytest.importorskip("rerun", reason="needs rerun-sdk: pip install '.[rerun]'")
 
 
 def entities(path: Path) -> dict[str, list[Any]]:

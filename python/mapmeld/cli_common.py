@@ -13,10 +13,11 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-DONE, INTERNAL_ERROR, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, INTERNAL_ERROR, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
 
 EXIT_CODES = (
-    "Exit codes: 0 done (also when maps stay apart), 2 bad input or usage, 130 interrupted, "
+    "Exit codes: 0 done (also when maps stay apart), 2 bad input or usage, 3 what --strict asks for is not so, "
+    "130 interrupted, "
     "1 internal error (a bug; MAPMELD_TRACEBACK=1 shows where)."
 )
 

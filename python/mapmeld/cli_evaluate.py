@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mapmeld.cli_common import print_json, reported
+from mapmeld.cli_common import NOT_MET, print_json, reported
 
 
 @reported
@@ -19,10 +19,14 @@ def evaluate(
         typer.Option(help="Folder of the maps; that of the truth if not given.", show_default=False),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with 3 where a pair is wrong or the acceptance rule fails.")
+    ] = False,
 ) -> None:
     """Measure the errors of every map and pair against the truth.
 
-    Translation errors are measured at the centre of a map's known cells.
+    Translation errors are measured at the centre of a map's known cells. docs/command_line.md explains the
+    tables.
     """
     from mapmeld.metrics import evaluate_files
 
@@ -33,3 +37,5 @@ def evaluate(
         from mapmeld.metrics_view import format_table
 
         print(format_table(evaluation))
+    if strict and (evaluation.summary.wrong or not evaluation.acceptance.holds):
+        raise typer.Exit(NOT_MET)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mapmeld import cli_known
-from mapmeld.cli_common import reported
+from mapmeld.cli_common import NOT_MET, reported
 
 if TYPE_CHECKING:
     from mapmeld.map_inputs import MapInputs
@@ -26,7 +26,8 @@ def merge(
     maps: Annotated[
         list[Path],
         typer.Argument(
-            help="Saved maps (yaml files of map_server) and ROS bags (a folder, .mcap, .db3 or .bag).",
+            help="Saved maps (yaml files of map_server, or folders of them) and ROS bags (a folder, .mcap, .db3 or "
+            ".bag).",
             show_default=False,
         ),
     ],
@@ -58,7 +59,9 @@ def merge(
     order: Annotated[
         str | None,
         typer.Option(
-            help="Known order in which maps connect: names, separated by commas.", show_default=False
+            help="Known order in which maps connect: names, separated by commas. Maps that it leaves out come "
+            "after, in any order.",
+            show_default=False,
         ),
     ] = None,
     reference: Annotated[
@@ -139,7 +142,7 @@ def merge(
         str | None,
         typer.Option(
             metavar="[FILE.rrd]",
-            help="Record the merge for the Rerun viewer; without a file, open it (needs mapmeld\\[rerun]).",
+            help="Record the merge for the Rerun viewer; without a file, open it (needs rerun-sdk).",
             show_default=False,
         ),
     ] = None,
@@ -149,6 +152,9 @@ def merge(
     ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Write into a folder that holds other files; they stay.")
+    ] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="End with 3 where the maps fall into several; all is written.")
     ] = False,
 ) -> None:
     """Merge maps whose frames, overlaps and order are unknown.
@@ -161,13 +167,14 @@ def merge(
     from mapmeld.cli_options import gather_options
     from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
-    from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs
+    from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs, with_folders_opened
     from mapmeld.merge_extras import Extras
 
     started = time.perf_counter()
     if output is None and json is None:
         raise MapmeldError("no output folder; give one with -o DIR, or --json - to print the result")
     extras = Extras(report, figures, rerun, output)
+    maps = with_folders_opened(maps)
     check_paths(maps)
     named, moment = check_bag_options(maps, topics, at)
     flags = [
@@ -244,6 +251,8 @@ def merge(
             out.commit()
     troubles = [] if store is None else store.warnings()
     _tell(result, inputs, output, json, quiet, verbose, troubles)
+    if strict and len(result.components) > 1:
+        raise typer.Exit(NOT_MET)
 
 
 def _with_files(result: MergeResult, inputs: MapInputs) -> MergeResult:

@@ -62,7 +62,7 @@ def studio(
     from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
     from mapmeld.known import Known
-    from mapmeld.map_inputs import check_paths, read_inputs
+    from mapmeld.map_inputs import check_paths, read_inputs, with_folders_opened
     from mapmeld.output import OutputFolder
 
     try:
@@ -70,10 +70,11 @@ def studio(
     except ImportError as error:
         raise MapmeldError(
             f"studio: needs {error.name or 'starlette and uvicorn'}, which is not installed; "
-            "pip install 'mapmeld[studio]'"
+            "pip install starlette uvicorn"
         ) from None
     from mapmeld.studio.workbench import Workbench
 
+    maps = with_folders_opened(maps)
     check_paths(maps)
     saved = cli_known.read_session_option(session)
     options = overlay({} if saved is None else saved.config, gather_options(config, settings or []))

@@ -9,14 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from mapmeld.bag import Bag, is_bag
 from mapmeld.bag_time import BagTime, parse_bag_time
 from mapmeld.bag_topics import guess_topics, named_topics, robot_names
 from mapmeld.errors import MapFileError, MapmeldError
-from mapmeld.grid import OccupancyGrid
+from mapmeld.grid import UNKNOWN, OccupancyGrid
 from mapmeld.map_file import MapFile
 from mapmeld.map_io import read_map
-from mapmeld.map_yaml import one_line
+from mapmeld.map_yaml import YAML_SUFFIXES, names_image, one_line
 
 
 class BagTopic(NamedTuple):
@@ -37,6 +39,29 @@ class MapInputs:
     files: list[MapFile] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+
+
+def with_folders_opened(paths: Sequence[Path]) -> list[Path]:
+    """The paths, and in the place of a folder that is no bag the saved maps in it, in the order of their names.
+
+    Other yaml files, which name no image, are passed over. Raises MapFileError for a folder without maps.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or is_bag(path):
+            found.append(path)
+            continue
+        try:
+            inside = sorted(path.iterdir())
+        except OSError as error:
+            raise MapFileError(f"{path}: cannot be read: {error.strerror or error}") from error
+        files = [f for f in inside if f.suffix.lower() in YAML_SUFFIXES and f.is_file() and names_image(f)]
+        if not files:
+            raise MapFileError(
+                one_line(f"{path}: is a folder without saved maps (yaml files that name an image), and no bag")
+            )
+        found += files
+    return found
 
 
 def check_paths(paths: Sequence[Path]) -> None:
@@ -100,7 +125,22 @@ def read_inputs(
                 inputs.files.append(MapFile(job))
     if not inputs.grids:
         raise MapFileError(one_line("; ".join(inputs.warnings)))
+    inputs.warnings += _told_twice(inputs.grids)
     return inputs
+
+
+def _told_twice(grids: Sequence[OccupancyGrid]) -> list[str]:
+    """A sentence for each map that has the cells of another: it would merge with it, and tell nothing."""
+    first: dict[tuple[int, int], list[OccupancyGrid]] = {}
+    lines = []
+    for grid in grids:
+        alike = first.setdefault((grid.width, grid.height), [])
+        twin = next((g for g in alike if np.array_equal(g.data, grid.data)), None)
+        if twin is None:
+            alike.append(grid)
+        elif (grid.data != UNKNOWN).any():
+            lines.append(f"maps {twin.name} and {grid.name} are the same, cell by cell; give every map once")
+    return lines
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ YAML_SUFFIXES = (".yaml", ".yml")
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 # A map's yaml takes a few hundred bytes. What is far larger is another file, and not worth parsing.
 _MAX_YAML_BYTES = 1 << 16
+_NAMES_IMAGE = re.compile(rb"""^(\{.*)?["']?image["']?\s*:""", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,16 @@ def read_map_yaml(path: Path) -> MapYaml:
         free_thresh=free_thresh,
         mode=_mode(path, fields.get("mode", "trinary")),
     )
+
+
+def names_image(path: Path) -> bool:
+    """Whether a yaml file names an image at its top level, as that of a saved map does and no other of ROS."""
+    try:
+        with path.open("rb") as file:
+            return _NAMES_IMAGE.search(file.read(_MAX_YAML_BYTES)) is not None
+    except OSError:
+        # Whoever reads it as a map says what is wrong.
+        return True
 
 
 def one_line(text: object) -> str:

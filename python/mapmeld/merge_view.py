@@ -47,7 +47,8 @@ def warnings(result: MergeResult) -> list[str]:
     unmerged = [
         m for m in result.maps if m.status == "blank" or (parts > 1 and m.status not in ("merged", "pinned"))
     ]
-    unmerged += [m for m in result.maps if parts == 1 and m.status == "prior"]
+    # A prior is what places a map where no wall does; one map alone has nothing to be placed by.
+    unmerged += [m for m in result.maps if parts == 1 and m.status in ("prior", "no evidence")]
     lines += [f"map {m.name}: {m.status}: {m.reason}" for m in unmerged]
     return lines
 
@@ -69,8 +70,9 @@ def details(result: MergeResult) -> list[str]:
         if p.modes:
             best = p.modes[0]
             lines.append(
-                f"pair {p.a}, {p.b}: log odds {best.log_odds:.1f}, {best.shared_length:.1f} m shared, "
-                f"{len(p.modes)} modes of {p.candidates} candidates"
+                f"pair {p.a}, {p.b}: {p.status}, probability {p.probability:.2f}, "
+                f"{best.shared_length:.1f} m of wall in common, log-likelihood {best.log_likelihood:.1f}, "
+                f"mirror image {p.decoy_log_likelihood or 0.0:.1f}, {len(p.modes)} modes of {p.candidates} candidates"
             )
         else:
             lines.append(f"pair {p.a}, {p.b}: no mode of {p.candidates} candidates")
@@ -88,7 +90,12 @@ def _cells(m: PlacedMap, result: MergeResult) -> list[str]:
     else:
         sx, sy, st = (math.sqrt(max(v, 0.0)) for v in m.covariance.diagonal().tolist())
         deviations = [f"{sx:.3f}", f"{sy:.3f}", f"{math.degrees(st):.2f}"]
-    pose = [f"{x:.3f}", f"{y:.3f}", f"{math.degrees(theta):.2f}"]
+    pose = [_number(x, 3), _number(y, 3), _number(math.degrees(theta), 2)]
     # A map alone was placed by nobody: there is nothing to be sure of.
     share = _NONE if len(result.components[m.component].order) == 1 else f"{m.probability:.2f}"
     return [m.name, str(m.component), *pose, *deviations, m.status, share]
+
+
+def _number(value: float, digits: int) -> str:
+    """So many digits, and no minus before what rounds to zero."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"

@@ -28,6 +28,7 @@ from mapmeld.errors import MapmeldError
 from mapmeld.evaluation import Evaluation, MapError, PairError, Summary
 from mapmeld.grid import UNKNOWN, OccupancyGrid
 from mapmeld.map_io import read_map
+from mapmeld.map_yaml import one_line
 from mapmeld.measurement import Measurement, Rig
 from mapmeld.placement import Placement, parse_placements
 from mapmeld.truth import Truth, parse_truth
@@ -71,10 +72,12 @@ def evaluate_files(
 ) -> Evaluation:
     """`evaluate` on files; the maps are read from maps_dir/NAME.yaml, by default from the truth's folder.
 
-    Raises MapmeldError as `evaluate` does, for files that cannot be read or are no JSON, and when the file
-    of a placed map is not there (all such maps are listed).
+    Raises MapmeldError as `evaluate` does, for files that cannot be read or are no JSON, when the file
+    of a placed map is not there (all such maps are listed), and when a map that was merged is still where the
+    result says and not the truth's of that name.
     """
-    placements = parse_placements(json_fields.read_object(result_path), str(result_path))
+    result = json_fields.read_object(result_path)
+    placements = parse_placements(result, str(result_path))
     truth = parse_truth(json_fields.read_object(truth_path), str(truth_path))
     _check_known(placements, truth, str(result_path), str(truth_path))
     folder = Path(truth_path).parent if maps_dir is None else Path(maps_dir)
@@ -86,9 +89,30 @@ def evaluate_files(
             "map's known cells, so give the folder of the maps"
         )
     grids = {name: read_map(folder / f"{name}.yaml") for name in placed}
+    _check_same(grids, result, Path(result_path), folder)
     centres = {name: c for name, grid in grids.items() if (c := centre_of_known_cells(grid)) is not None}
     resolutions = {name: grid.resolution for name, grid in grids.items()}
     return _evaluate(placements, truth, centres, resolutions, str(result_path), str(truth_path))
+
+
+def _check_same(
+    grids: Mapping[str, OccupancyGrid], result: Mapping[str, Any], result_path: Path, folder: Path
+) -> None:
+    """Raises for a saved map of the result that is another than the truth's: two cases may name maps alike."""
+    for m in result["maps"]:
+        file = m.get("file")
+        if m["name"] not in grids or not isinstance(file, dict) or file.get("topic") is not None:
+            continue
+        merged, ours = result_path.parent / str(file.get("path")), folder / f"{m['name']}.yaml"
+        if not merged.is_file() or merged.samefile(ours):
+            continue
+        if not np.array_equal(read_map(merged).data, grids[m["name"]].data):
+            raise MapmeldError(
+                one_line(
+                    f"{merged}: the map that was merged is another than {ours}; is the truth of another case? "
+                    "--maps gives the folder of the maps"
+                )
+            )
 
 
 def centre_of_known_cells(grid: OccupancyGrid) -> tuple[float, float] | None:

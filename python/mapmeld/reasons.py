@@ -84,7 +84,9 @@ def _is_told(
 
 def _evidence(pair: Pair) -> str:
     mode = pair.modes[0]
-    return f"probability {pair.probability:.2f}, {mode.shared_length:.1f} m of wall in common"
+    return (
+        f"probability {pair.probability:.2f} for these two alone, {mode.shared_length:.1f} m of wall in common"
+    )
 
 
 def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
@@ -92,7 +94,8 @@ def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
     mode = pair.modes[0]
     centre = centres[pair.b]
     rivals = [m.log_likelihood for m in pair.modes if not is_one_place(m.T_a_b, mode.T_a_b, centre)]
-    rival = max([pair.decoy_log_likelihood or 0.0, *rivals])
+    mirrored, elsewhere = pair.decoy_log_likelihood or 0.0, max(rivals, default=0.0)
+    rival = max(mirrored, elsewhere)
     numbers = (mode.shared_length, mode.hits, mode.conflicts, mode.second_direction)
     match lack_of(*numbers, mode.log_likelihood, rival):
         case Lack.WALL:
@@ -104,7 +107,8 @@ def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
             return ", nearly all in one direction"
         case Lack.RIVAL:
             share = math.floor(100 * rival / mode.log_likelihood)
-            return f", and its mirror image or another place fits {min(share, 100)} % as well"
+            what = "its mirror image" if mirrored >= elsewhere else "another place"
+            return f", and {what} fits {'better' if share > 100 else f'{share} % as well'}"
     return ""
 
 

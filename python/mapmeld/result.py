@@ -254,10 +254,11 @@ class MergeResult:
         """`to_dict` as JSON in ASCII, an item a line, with a final newline."""
         lines = []
         for key, value in self.to_dict(folder).items():
-            text = json.dumps(value, allow_nan=False)
             if isinstance(value, list) and value and isinstance(value[0], dict):
                 items = ",\n  ".join(json.dumps(item, allow_nan=False) for item in value)
                 text = f"[\n  {items}\n ]"
+            else:
+                text = json.dumps(value, allow_nan=False)
             lines.append(f" {json.dumps(key)}: {text}")
         return "{\n" + ",\n".join(lines) + "\n}\n"
 

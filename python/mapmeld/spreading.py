@@ -129,7 +129,7 @@ def _dask() -> Any:
     try:
         import distributed
     except ImportError:
-        raise MapmeldError("dask: dask.distributed is not installed; pip install 'mapmeld[dask]'") from None
+        raise MapmeldError("dask: dask.distributed is not installed; pip install distributed") from None
     return distributed
 
 

@@ -57,7 +57,9 @@ pub fn fuse(name: &str, placed: &[(&OccupancyGrid, Se2)], config: &FuseConfig) -
         });
     }
     let (width, height) = (size.x as usize, size.y as usize);
-    let origin = Se2::new(first.x * resolution, first.y * resolution, 0.0);
+    // Whole nanometres: files say -17.4, not -17.400000000000002.
+    let corner = (first * resolution).map(|v| (1e9 * v).round() / 1e9);
+    let origin = Se2::new(corner.x, corner.y, 0.0);
     let frame =
         OccupancyGrid::new(name, width, height, resolution, origin, vec![UNKNOWN; width * height])?;
 

@@ -75,7 +75,9 @@ def test_strict_lets_a_right_result_pass(case: Path) -> None:
 
 def test_the_truth_of_another_case_is_refused(case: Path) -> None:
     left, *others = building()
-    other = save(case / "other", [OccupancyGrid(left.data[:-3], left.resolution, left.origin, "left"), *others])
+    other = save(
+        case / "other", [OccupancyGrid(left.data[:-3], left.resolution, left.origin, "left"), *others]
+    )
     to = ("evaluate", case / "out/result.json", case / "truth.json", "--maps", Path(other[0]).parent)
     assert_refused(run_cli(*to), "left.yaml", "another")
     for path in (case / "maps").iterdir():

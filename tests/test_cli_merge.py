@@ -191,13 +191,13 @@ def test_resolution(tmp_path: Path) -> None:
 
 def test_the_same_file_or_name_twice(tmp_path: Path) -> None:
     (a,) = save(tmp_path / "a", [hall("site")])
-    (b,) = save(tmp_path / "b", [hall("site")])
+    (b,) = save(tmp_path / "b" / "a", [hall("site")])
     (tmp_path / "link.yaml").symlink_to(a)
     to = ("-o", tmp_path / "out")
     assert_refused(run_cli("merge", a, a, *to), a, "twice", "once")
     assert_refused(run_cli("merge", a, tmp_path / "a" / ".." / "a" / "site.yaml", *to), "twice")
     assert_refused(run_cli("merge", a, tmp_path / "link.yaml", *to), "link.yaml", "twice")
-    assert_refused(run_cli("merge", a, b, *to), b, a, "'site'", "rename")
+    assert_refused(run_cli("merge", a, b, *to), b, a, "'a/site'", "rename")
     assert not (tmp_path / "out").exists()
 
 

@@ -69,3 +69,26 @@ def test_origins_are_written_without_noise(tmp_path: Path) -> None:
     assert run_cli("merge", *paths, "-o", tmp_path / "out", "-q")[0] == 0
     line = next(t for t in (tmp_path / "out" / "merged.yaml").read_text().split("\n") if "origin" in t)
     assert all(len(v.strip()) < 8 for v in line.partition("[")[2].rstrip("]").split(",")), line
+
+
+def test_files_called_alike_are_called_with_their_folders(tmp_path: Path) -> None:
+    """As each robot's map_saver leaves them: robot1/map.yaml, robot2/map.yaml."""
+    paths = []
+    for robot, g in zip(("robot1", "robot2", "robot3"), building(), strict=True):
+        (tmp_path / robot).mkdir()
+        paths += save(tmp_path / robot, [OccupancyGrid(g.data, g.resolution, g.origin, "map")])
+    paths += save(tmp_path, [hall()])
+    code, out, _ = run_cli("merge", *paths, "-o", tmp_path / "out", "--order", "robot2/map,robot1/map")
+    assert code == 0
+    assert names(tmp_path / "out") == ["robot1/map", "robot2/map", "robot3/map", "hall"]
+    assert "robot3/map" in out
+    assert run_cli("report", tmp_path / "out" / "result.json")[0] == 0
+    # Moved away, a file is known by the name that it was merged with.
+    (tmp_path / "robot3").rename(tmp_path / "elsewhere")
+    assert_refused(run_cli("report", tmp_path / "out" / "result.json"), "robot3/map", "not there any more")
+    (tmp_path / "else").mkdir()
+    (tmp_path / "elsewhere").rename(tmp_path / "else" / "robot3")
+    moved = tmp_path / "else" / "robot3" / "map.yaml"
+    assert run_cli("report", tmp_path / "out" / "result.json", moved)[0] == 0
+    twin = save(tmp_path / "twin" / "robot1", [OccupancyGrid(hall().data, 0.1, (0.0, 0.0, 0.0), "map")])
+    assert_refused(run_cli("merge", paths[0], *twin, "-o", tmp_path / "x"), "robot1/map", "rename one")

@@ -25,7 +25,10 @@ def test_merged_maps_name_what_holds_them(result: MergeResult) -> None:
     assert len(merged) >= 2
     names = {m.name for m in merged}
     for m in merged:
-        found = re.match(r"held by (\w+).*: probability ([0-9.]+) for these two alone, ([0-9.]+) m of wall in common", m.reason)
+        found = re.match(
+            r"held by (\w+).*: probability ([0-9.]+) for these two alone, ([0-9.]+) m of wall in common",
+            m.reason,
+        )
         assert found, m.reason
         assert found[1] in names - {m.name}
         # The numbers are of one pair: what others there are stands behind them.

@@ -58,7 +58,9 @@ def with_folders_opened(paths: Sequence[Path]) -> list[Path]:
         files = [f for f in inside if f.suffix.lower() in YAML_SUFFIXES and f.is_file() and names_image(f)]
         if not files:
             raise MapFileError(
-                one_line(f"{path}: is a folder without saved maps (yaml files that name an image), and no bag")
+                one_line(
+                    f"{path}: is a folder without saved maps (yaml files that name an image), and no bag"
+                )
             )
         found += files
     return found
@@ -67,18 +69,36 @@ def with_folders_opened(paths: Sequence[Path]) -> list[Path]:
 def check_paths(paths: Sequence[Path]) -> None:
     """Raises MapmeldError for a path that is given twice, and for two saved maps of one name."""
     by_file: dict[Path, Path] = {}
-    by_stem: dict[str, Path] = {}
     for path in paths:
         same = by_file.setdefault(path.resolve(), path)
         if same is not path:
             raise MapmeldError(f"{path}: is given twice (as {same}); give every map once")
-        if is_bag(path):
-            continue
-        namesake = by_stem.setdefault(path.stem, path)
+    saved_names(paths)
+
+
+def saved_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """What the saved maps among the paths are called: like their files without suffix; where several files are
+    called alike (robot1/map.yaml, robot2/map.yaml), with their folders before it (robot1/map).
+
+    Raises MapmeldError for two maps that have one name all the same.
+    """
+    saved = [path for path in paths if not is_bag(path)]
+    times = Counter(path.stem for path in saved)
+    names: dict[Path, str] = {}
+    by_name: dict[str, Path] = {}
+    for path in saved:
+        names[path] = path.stem if times[path.stem] == 1 else name_with_folder(path)
+        namesake = by_name.setdefault(names[path], path)
         if namesake is not path:
             raise MapmeldError(
-                f"{path}: would be called {path.stem!r}, as {namesake} is; rename one, names tell maps apart"
+                f"{path}: would be called {names[path]!r}, as {namesake} is; rename one, names tell maps apart"
             )
+    return names
+
+
+def name_with_folder(path: Path) -> str:
+    """The name of a saved map that has its folder's before it."""
+    return f"{path.absolute().parent.name}/{path.stem}"
 
 
 def check_bag_options(
@@ -100,7 +120,8 @@ def read_inputs(
     at: BagTime | None = None,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> MapInputs:
-    """Reads saved maps (yaml) and, of bags, the last map of each robot, in the order of the paths.
+    """Reads saved maps (yaml) and, of bags, the last map of each robot, in the order of the paths; names as of
+    saved_names.
 
     topics: those of the bags that hold the maps; None: guessed. at: the last map at or before it. A topic
     that was named and has no map by then is an error, one that was guessed a warning.
@@ -109,8 +130,8 @@ def read_inputs(
     """
     inputs = MapInputs()
     with open_bags([p for p in paths if is_bag(p)]) as bags:
-        saved = [p for p in paths if not is_bag(p)]
-        robots = choose_robots(bags, topics, inputs.warnings, taken=[p.stem for p in saved])
+        saved = saved_names(paths)
+        robots = choose_robots(bags, topics, inputs.warnings, taken=list(saved.values()))
         jobs: list[Path | BagTopic] = []
         for path in paths:
             jobs += [path] if path in saved else [r for r in robots if r.bag.path == path]
@@ -121,7 +142,7 @@ def read_inputs(
             if isinstance(job, BagTopic):
                 _read_last(job, at, inputs)
             else:
-                inputs.grids.append(read_map(job))
+                inputs.grids.append(read_map(job, saved[job]))
                 inputs.files.append(MapFile(job))
     if not inputs.grids:
         raise MapFileError(one_line("; ".join(inputs.warnings)))

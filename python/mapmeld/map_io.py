@@ -28,10 +28,10 @@ _TRINARY_THRESHOLDS = (0.65, 0.196)
 _OCCUPIED_FROM, _FREE_UP_TO = 65, 25
 
 
-def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
+def read_map(path: str | os.PathLike[str], name: str | None = None) -> OccupancyGrid:
     """Reads a saved map from its yaml (.yaml or .yml), which names the image.
 
-    The grid is called like the yaml without its suffix and keeps the yaml's origin, yaw included. The top row
+    The grid is called `name` or, without one, like the yaml without its suffix, and keeps the yaml's origin, yaw included. The top row
     of the image becomes the grid's last row, the one of the highest y.
 
     A pixel's occupancy is 1 - brightness, or the brightness with `negate`; the brightness, 0 to 1, is the
@@ -63,7 +63,7 @@ def read_map(path: str | os.PathLike[str]) -> OccupancyGrid:
     cells = np.take(_cell_of_level(fields, image.full_scale), image.levels)
     if image.opaque is not None and fields.mode != "raw":
         cells[~image.opaque] = UNKNOWN
-    return OccupancyGrid(cells[::-1], fields.resolution, fields.origin, yaml_path.stem)
+    return OccupancyGrid(cells[::-1], fields.resolution, fields.origin, name or yaml_path.stem)
 
 
 def write_map(

@@ -12,7 +12,7 @@ from mapmeld.bag import Bag, is_bag
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
-from mapmeld.map_inputs import check_paths
+from mapmeld.map_inputs import name_with_folder, saved_names
 from mapmeld.map_io import read_map
 from mapmeld.map_yaml import one_line
 
@@ -70,15 +70,17 @@ def read_maps(
     given: saved maps that stand for those of their name, wherever the result says these are. Raises
     MapmeldError for a map that is not there any more, or that the result does not name a file of.
     """
-    check_paths(given)
-    by_name = {file.stem: file for file in given}
     names = [m["name"] for m in result["maps"]]
-    for name, file in by_name.items():
-        if name not in names:
+    by_name: dict[str, Path] = {}
+    for file, name in saved_names(given).items():
+        # Alone or not, a file may have been called with its folder when it was merged.
+        is_called = [n for n in (name, name_with_folder(file)) if n in names]
+        if not is_called:
             raise MapmeldError(one_line(f"{file}: {path} has no map called {name!r}; leave it out"))
+        by_name[is_called[0]] = file
     return {
-        m["name"]: read_map(by_name[m["name"]]) if m["name"] in by_name else _read_named(m, Path(path))
-        for m in result["maps"]
+        name: read_map(by_name[name], name) if name in by_name else _read_named(m, Path(path))
+        for name, m in zip(names, result["maps"], strict=True)
     }
 
 
@@ -94,7 +96,7 @@ def _read_named(placed: Mapping[str, Any], result: Path) -> OccupancyGrid:
         raise MapmeldError(one_line(f"{path}: map {name} of {result} is not there any more; {hint}"))
     topic, moment = file.get("topic"), file.get("nanoseconds")
     if topic is None:
-        return read_map(path)
+        return read_map(path, name)
     _require(is_bag(path), f"{path}: is no bag any more, as {where} says")
     _require(
         isinstance(topic, str) and isinstance(moment, int) and not isinstance(moment, bool),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DONE, INTERNAL_ERROR, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
 
 EXIT_CODES = (
-    "Exit codes: 0 done (also when maps stay apart), 2 bad input or usage, 3 what --strict asks for is not so, "
+    "Exit codes: 0 done (also when maps stay apart), 2 bad input or usage, 3 what --strict asks is not so, "
     "130 interrupted, "
     "1 internal error (a bug; MAPMELD_TRACEBACK=1 shows where)."
 )

@@ -26,8 +26,8 @@ def merge(
     maps: Annotated[
         list[Path],
         typer.Argument(
-            help="Saved maps (yaml files of map_server, or folders of them) and ROS bags (a folder, .mcap, .db3 or "
-            ".bag).",
+            help="Saved maps (yaml files of map_server, or folders of them) and ROS bags (a folder, .mcap, "
+            ".db3 or .bag).",
             show_default=False,
         ),
     ],
@@ -59,8 +59,8 @@ def merge(
     order: Annotated[
         str | None,
         typer.Option(
-            help="Known order in which maps connect: names, separated by commas. Maps that it leaves out come "
-            "after, in any order.",
+            help="Known order in which maps connect: names, separated by commas. Maps left out come after, "
+            "in any order.",
             show_default=False,
         ),
     ] = None,

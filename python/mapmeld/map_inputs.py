@@ -42,7 +42,7 @@ class MapInputs:
 
 
 def with_folders_opened(paths: Sequence[Path]) -> list[Path]:
-    """The paths, and in the place of a folder that is no bag the saved maps in it, in the order of their names.
+    """The paths, and in the place of a folder that is no bag the saved maps in it, ordered by their names.
 
     Other yaml files, which name no image, are passed over. Raises MapFileError for a folder without maps.
     """
@@ -77,8 +77,8 @@ def check_paths(paths: Sequence[Path]) -> None:
 
 
 def saved_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """What the saved maps among the paths are called: like their files without suffix; where several files are
-    called alike (robot1/map.yaml, robot2/map.yaml), with their folders before it (robot1/map).
+    """What the saved maps among the paths are called: like their files without suffix; where several files
+    are called alike (robot1/map.yaml, robot2/map.yaml), with their folders before it (robot1/map).
 
     Raises MapmeldError for two maps that have one name all the same.
     """
@@ -90,9 +90,8 @@ def saved_names(paths: Sequence[Path]) -> dict[Path, str]:
         names[path] = path.stem if times[path.stem] == 1 else name_with_folder(path)
         namesake = by_name.setdefault(names[path], path)
         if namesake is not path:
-            raise MapmeldError(
-                f"{path}: would be called {names[path]!r}, as {namesake} is; rename one, names tell maps apart"
-            )
+            called = f"would be called {names[path]!r}, as {namesake} is"
+            raise MapmeldError(f"{path}: {called}; rename one, names tell maps apart")
     return names
 
 
@@ -120,8 +119,8 @@ def read_inputs(
     at: BagTime | None = None,
     progress: Callable[[str, int, int], object] | None = None,
 ) -> MapInputs:
-    """Reads saved maps (yaml) and, of bags, the last map of each robot, in the order of the paths; names as of
-    saved_names.
+    """Reads saved maps (yaml), called as saved_names says, and of bags the last map of each robot, in the
+    order of the paths.
 
     topics: those of the bags that hold the maps; None: guessed. at: the last map at or before it. A topic
     that was named and has no map by then is an error, one that was guessed a warning.

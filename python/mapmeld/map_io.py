@@ -31,8 +31,8 @@ _OCCUPIED_FROM, _FREE_UP_TO = 65, 25
 def read_map(path: str | os.PathLike[str], name: str | None = None) -> OccupancyGrid:
     """Reads a saved map from its yaml (.yaml or .yml), which names the image.
 
-    The grid is called `name` or, without one, like the yaml without its suffix, and keeps the yaml's origin, yaw included. The top row
-    of the image becomes the grid's last row, the one of the highest y.
+    The grid is called `name` or, without one, like the yaml without its suffix, and keeps the yaml's origin,
+    yaw included. The top row of the image becomes the grid's last row, the one of the highest y.
 
     A pixel's occupancy is 1 - brightness, or the brightness with `negate`; the brightness, 0 to 1, is the
     mean of the colour channels. The yaml's `mode` (trinary if it has none) decides what becomes of it:

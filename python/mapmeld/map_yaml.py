@@ -83,7 +83,7 @@ def read_map_yaml(path: Path) -> MapYaml:
 
 
 def names_image(path: Path) -> bool:
-    """Whether a yaml file names an image at its top level, as that of a saved map does and no other of ROS."""
+    """Whether a yaml file names an image at its top level, as a saved map does and no other yaml of ROS."""
     try:
         with path.open("rb") as file:
             return _NAMES_IMAGE.search(file.read(_MAX_YAML_BYTES)) is not None

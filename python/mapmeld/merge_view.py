@@ -71,8 +71,9 @@ def details(result: MergeResult) -> list[str]:
             best = p.modes[0]
             lines.append(
                 f"pair {p.a}, {p.b}: {p.status}, probability {p.probability:.2f}, "
-                f"{best.shared_length:.1f} m of wall in common, log-likelihood {best.log_likelihood:.1f}, "
-                f"mirror image {p.decoy_log_likelihood or 0.0:.1f}, {len(p.modes)} modes of {p.candidates} candidates"
+                f"{best.shared_length:.1f} m of wall in common, log-likelihood {best.log_likelihood:.1f} "
+                f"(mirror image {p.decoy_log_likelihood or 0.0:.1f}), {len(p.modes)} modes of {p.candidates} "
+                "candidates"
             )
         else:
             lines.append(f"pair {p.a}, {p.b}: no mode of {p.candidates} candidates")

@@ -98,7 +98,7 @@ def evaluate_files(
 def _check_same(
     grids: Mapping[str, OccupancyGrid], result: Mapping[str, Any], result_path: Path, folder: Path
 ) -> None:
-    """Raises for a saved map of the result that is another than the truth's: two cases may name maps alike."""
+    """Raises for a saved map of the result that is not the truth's: two cases may name maps alike."""
     for m in result["maps"]:
         file = m.get("file")
         if m["name"] not in grids or not isinstance(file, dict) or file.get("topic") is not None:
@@ -109,8 +109,8 @@ def _check_same(
         if not np.array_equal(read_map(merged).data, grids[m["name"]].data):
             raise MapmeldError(
                 one_line(
-                    f"{merged}: the map that was merged is another than {ours}; is the truth of another case? "
-                    "--maps gives the folder of the maps"
+                    f"{merged}: the map that was merged is another than {ours}; is the truth of another "
+                    "case? --maps gives the folder of the maps"
                 )
             )
 

@@ -84,7 +84,8 @@ def _is_told(
 
 def _evidence(pair: Pair) -> str:
     mode = pair.modes[0]
-    return f"probability {pair.probability:.2f} for these two alone, {mode.shared_length:.1f} m of wall in common"
+    shared = f"{mode.shared_length:.1f} m of wall in common"
+    return f"probability {pair.probability:.2f} for these two alone, {shared}"
 
 
 def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mapmeld.grid import OccupancyGrid
 from mapmeld.palette import map_colour
-from mapmeld.picture import Box, Picture, text_width
+from mapmeld.picture import INK, Box, Picture, text_width
 from mapmeld.picture_axes import Axes
 from mapmeld.report_raster import Layer, paint
 from mapmeld.result import MergeResult
@@ -61,6 +61,8 @@ def draw_report(path: str | Path, result: MergeResult, maps: Sequence[OccupancyG
     """
     panels = _panels(result)
     known = _known_lines(result)
+    if not all(near for panel in panels for near in panel.near):
+        known.append("An arrow leads from a number at the edge to its map's origin, which lies farther out.")
     rows = math.ceil(len(result.maps) / _legend_columns(result))
     below = _LINE * (rows + len(known)) + 24
     above = _height(panels)
@@ -115,7 +117,10 @@ def _height(panels: list[_Panel]) -> int:
         left, right, bottom, top = panels[0].view
         return round(min(max((_WIDTH - 90) * (top - bottom) / (right - left), 275), 1200)) + 100
     if panels[0].is_large:
-        return round(0.8 * _WIDTH)
+        # The small ones at its side take a fifth of the picture's width each, one below the other.
+        left, right, bottom, top = panels[0].view
+        large = (_main_width(len(panels) - 1) - 90) * (top - bottom) / (right - left) + 110
+        return round(min(max(large, 0.2 * _WIDTH * min(len(panels) - 1, 4), 275), 0.9 * _WIDTH))
     columns = _columns(len(panels))
     return round(_WIDTH * math.ceil(len(panels) / columns) / columns)
 
@@ -124,17 +129,28 @@ def _columns(panels: int) -> int:
     return math.ceil(math.sqrt(panels))
 
 
+def _side_columns(small: int) -> int:
+    """Of so many small panels beside a large one."""
+    return max(1, math.ceil(small / 4))
+
+
+def _main_width(small: int) -> float:
+    """Of a large panel beside so many small ones, pixels."""
+    if not small:
+        return float(_WIDTH)
+    columns = _side_columns(small)
+    share = 2.5 if columns == 1 else 1.6 * columns
+    return _WIDTH * share / (share + columns)
+
+
 def _boxes(panels: list[_Panel], height: int) -> list[Box]:
     """Where each panel goes: a first component of several maps to the left, large, the rest in a grid."""
     if not panels:
         return []
     is_large = panels[0].is_large
     small = len(panels) - is_large
-    columns = max(1, math.ceil(small / 4) if is_large else _columns(small))
-    main = 0.0
-    if is_large:
-        share = 1.0 if not small else (2.5 if columns == 1 else 1.6 * columns)
-        main = _WIDTH * share / (share + (columns if small else 0))
+    columns = _side_columns(small) if is_large else _columns(small)
+    main = _main_width(small) if is_large else 0.0
     boxes = [(0.0, 0.0, main, float(height))] if is_large else []
     width, each = (_WIDTH - main) / columns, height / max(1, math.ceil(small / columns))
     for k in range(small):
@@ -191,7 +207,8 @@ def _draw_origins(picture: Picture, axes: Axes, panel: _Panel, size: int) -> Non
             taken.append(shown)
             angle = math.atan2(y - shown[1], x - shown[0])
             tip = (shown[0] + 1.9 * panel.pad * math.cos(angle), shown[1] + 1.9 * panel.pad * math.sin(angle))
-            picture.arrow(axes.at(*shown), axes.at(*tip), map_colour(i), 0.7 * size)
+            # Not in the map's colour, which its walls have.
+            picture.arrow(axes.at(*shown), axes.at(*tip), INK, 0.7 * size)
         # The middles of pixels: a disc between two would be blurred.
         column, row = (round(v) for v in axes.at(*shown))
         picture.disc((column, row), 0.62 * size + 0.25 * text_width(str(i), size), map_colour(i), 0.22 * size)

@@ -75,7 +75,10 @@ def _figures(story: Story) -> Iterator[tuple[str, Any]]:
             "conflicts": partial(_cells, layers=layers, conflicts=layers.conflicts),
             "uncertainty": partial(_uncertainty, view=view, layers=layers),
         }
-        titles = {"uncertainty": f"95 % ellipses, drawn {_ENLARGED} times their size"}
+        titles = {
+            "conflicts": "in red: occupied in one map, free in another",
+            "uncertainty": f"95 % ellipses, drawn {_ENLARGED} times their size",
+        }
         for what, draw_it in draw.items():
             yield f"{stem}_{what}", _map_figure(view, draw_it, titles.get(what, ""))
     if any(h.shapes for h in hypothesis_pictures(story)):

@@ -76,6 +76,11 @@ impl Axes {
         Self::from_parts(t.translation(), t.theta, t.theta.sin_cos())
     }
 
+    /// Of the grids of `T_a_b`.
+    pub fn between(a: &OccupancyGrid, b: &OccupancyGrid, t_a_b: &Se2) -> Self {
+        Self::new(&axes_of(a, b, t_a_b))
+    }
+
     /// From the corner's position and the angle, whose sine and cosine are known.
     pub fn from_parts(corner: Vec2, theta: f64, (s, c): (f64, f64)) -> Self {
         let (x, y) = (corner.x as f32, corner.y as f32);
@@ -139,7 +144,7 @@ mod tests {
         let grid = |origin| OccupancyGrid::new("g", 4, 3, 0.1, origin, vec![0; 12]).unwrap();
         let (a, b) = (grid(Se2::new(900.0, 4.0, 0.7)), grid(Se2::new(-3.0, 2.0, -1.2)));
         let t_a_b = Se2::new(902.0, 5.0, 2.0);
-        let axes = Axes::new(&axes_of(&a, &b, &t_a_b));
+        let axes = Axes::between(&a, &b, &t_a_b);
         let point = b.origin().inverse().apply(Vec2::new(1.0, 2.0));
         let expected = a.origin().inverse().apply(t_a_b.apply(Vec2::new(1.0, 2.0)));
         let got = axes.apply(point.x as f32, point.y as f32);

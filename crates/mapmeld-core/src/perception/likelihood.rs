@@ -12,7 +12,7 @@ use crate::config::PerceptionConfig;
 use crate::likelihood_field::ProbeView;
 use crate::local_map::LocalMap;
 use crate::perception::placed::Placed;
-use crate::probe::{axes_of, Axes};
+use crate::probe::Axes;
 use crate::se2::Se2;
 use serde::{Deserialize, Serialize};
 
@@ -239,7 +239,7 @@ pub fn pair(
     samples: usize,
     config: &PerceptionConfig,
 ) -> WallEvidence {
-    let axes = Axes::new(&axes_of(&a.grid, &b.grid, t_a_b));
+    let axes = Axes::between(&a.grid, &b.grid, t_a_b);
     let in_a = [Target::new(a, b, axes, &Se2::IDENTITY, config)];
     let in_b = [Target::new(b, a, axes.inverse(), t_a_b, config)];
     let mut sum = WallEvidence::default();
@@ -259,8 +259,9 @@ pub fn one_way(
     config: &PerceptionConfig,
 ) -> WallEvidence {
     let targets = others.iter().map(|o| {
-        let axes = axes_of(&o.map.grid, &from.grid, &o.t_world_map.between(t_world_from));
-        Target::new(o.map, from, Axes::new(&axes), &o.t_world_map, config)
+        let t_o_from = o.t_world_map.between(t_world_from);
+        let axes = Axes::between(&o.map.grid, &from.grid, &t_o_from);
+        Target::new(o.map, from, axes, &o.t_world_map, config)
     });
     tally(samples, &targets.collect::<Vec<_>>(), from.spacing, config)
 }

@@ -5,7 +5,7 @@ use crate::local_map::LocalMap;
 use crate::perception::bend;
 use crate::perception::likelihood::WallEvidence;
 use crate::perception::overlay::Overlay;
-use crate::probe::{axes_of, Axes};
+use crate::probe::Axes;
 use crate::se2::Se2;
 use crate::vicinity::{Outline, BENT};
 
@@ -56,7 +56,7 @@ impl Placed<'_> {
     /// Its grid's axes in those of another.
     pub fn axes_in(&self, other: &Placed) -> Axes {
         let t = other.t_world_map.between(&self.t_world_map);
-        Axes::new(&axes_of(&other.map.grid, &self.map.grid, &t))
+        Axes::between(&other.map.grid, &self.map.grid, &t)
     }
 }
 

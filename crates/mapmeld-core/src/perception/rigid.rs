@@ -6,7 +6,7 @@ use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
 use crate::local_map::LocalMap;
 use crate::perception::likelihood::noise_of;
-use crate::probe::{axes_of, Axes};
+use crate::probe::Axes;
 use crate::se2::Se2;
 
 /// Log-likelihood ratio of `T_a_b` under each of some models, nats, from so many samples of each map at most. The models
@@ -18,7 +18,7 @@ pub fn log_likelihoods(
     samples: usize,
     models: &[PerceptionConfig],
 ) -> Vec<f64> {
-    let axes = Axes::new(&axes_of(&a.grid, &b.grid, t_a_b));
+    let axes = Axes::between(&a.grid, &b.grid, t_a_b);
     let mut sums = vec![Sum::default(); models.len()];
     one_way(a, b, axes, samples, models, &mut sums);
     let mut total: Vec<f64> =

@@ -4,7 +4,7 @@ use crate::blocks::LANES;
 use crate::likelihood_field::ProbeView;
 use crate::local_map::{LocalMap, Patch};
 use crate::perception::pull::{Matches, Pull};
-use crate::probe::{axes_of, Axes};
+use crate::probe::Axes;
 use crate::registration::climb::robust_weight;
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
@@ -35,7 +35,7 @@ impl<'a> Facing<'a> {
         let t_to_from = t_w_to.between(t_w_from);
         let (s, c) = t_w_axes.theta.sin_cos();
         Self {
-            view: to.probe_view(Axes::new(&axes_of(&to.grid, &from.grid, &t_to_from))),
+            view: to.probe_view(Axes::between(&to.grid, &from.grid, &t_to_from)),
             patches: from.patches.iter().filter(may_lie).collect(),
             pivot: t_w_axes.inverse().apply(pivot),
             turn: Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0),

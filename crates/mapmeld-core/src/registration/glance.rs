@@ -83,7 +83,7 @@ impl<'a> Glance<'a> {
         look.asked = blocks;
     }
 
-    /// What `probe::axes_of` tells, with the sine and cosine of the pose alone.
+    /// What [`Axes::between`] tells, with the sine and cosine of the pose alone.
     fn axes(&self, t_a_b: &Se2) -> Axes {
         // In double precision: it turns the origin of b, which may be a georeferenced one.
         let t = t_a_b.to_rigid();
@@ -99,7 +99,6 @@ mod tests {
     use super::*;
     use crate::config::Config;
     use crate::grid::OccupancyGrid;
-    use crate::probe::axes_of;
 
     #[test]
     fn poses_of_axes_are_those_of_the_grids() {
@@ -113,7 +112,7 @@ mod tests {
             let (a, b) = (map(Se2::new(40.0, 4.0, 0.7)), map(far));
             let t_a_b = Se2::new(44.0, 5.0, 2.0).compose(&far.inverse());
             let (got, expected) =
-                (Glance::new(&a, &b).axes(&t_a_b), Axes::new(&axes_of(&a.grid, &b.grid, &t_a_b)));
+                (Glance::new(&a, &b).axes(&t_a_b), Axes::between(&a.grid, &b.grid, &t_a_b));
             for (x, y) in [(0.0, 0.0), (3.0, 0.0), (0.0, 2.0)] {
                 let ((gx, gy), (ex, ey)) = (got.apply(x, y), expected.apply(x, y));
                 assert!((gx - ex).abs() < 1e-4 && (gy - ey).abs() < 1e-4, "{got:?} {expected:?}");

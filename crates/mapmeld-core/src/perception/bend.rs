@@ -113,8 +113,8 @@ pub fn unbend(
             }
             let mut pull = Pull::new(Vec2::zeros(), scale);
             held::pull_of(&held[k], here.sin_cos, here.shift, &mut pull);
-            let mut h = discount * pull.information();
-            let mut g = discount * pull.gradient();
+            let (h, g) = pull.equations();
+            let (mut h, mut g) = (discount * h, discount * g);
             let mut stiffness = Vector3::new(leash, leash, 0.0);
             g += stiffness.component_mul(&here.shift.push(here.turn));
             for edge in &edges[k] {

@@ -173,7 +173,7 @@ mod tests {
             let pull = |turn: f64, shift: Vec2| {
                 let mut pull = Pull::new(Vec2::zeros(), 1e3);
                 pull_of(&held, turn.sin_cos(), shift, &mut pull);
-                (pull.information(), pull.gradient())
+                pull.equations()
             };
             let (h, at_rest) = pull(0.0, Vec2::zeros());
             assert!(at_rest.norm() < 1e-3, "it lies on itself: {at_rest:?}");

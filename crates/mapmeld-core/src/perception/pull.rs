@@ -108,15 +108,10 @@ impl Pull {
         self.n
     }
 
-    /// The information.
-    pub fn information(&self) -> Matrix3<f64> {
-        let [xx, xy, xt, yy, yt, tt] = self.sums().0;
-        Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt)
-    }
-
-    /// The gradient.
-    pub fn gradient(&self) -> Vector3<f64> {
-        Vector3::from(self.sums().1)
+    /// The information and the gradient.
+    pub fn equations(&self) -> (Matrix3<f64>, Vector3<f64>) {
+        let ([xx, xy, xt, yy, yt, tt], gradient) = self.sums();
+        (Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt), Vector3::from(gradient))
     }
 }
 
@@ -144,13 +139,13 @@ mod tests {
             });
         }
         assert_eq!(pull.walls(), 6400);
-        let shift = pull.information().fixed_view::<2, 2>(0, 0).into_owned();
+        let (information, g) = pull.equations();
+        let shift = information.fixed_view::<2, 2>(0, 0).into_owned();
         let [along, across] = {
             let e = shift.symmetric_eigenvalues();
             [e.min(), e.max()]
         };
         assert!((across - 6400.0).abs() < 1.0 && along.abs() < 2e-3, "{across} {along}");
-        let g = pull.gradient();
         assert!((g.xy() - 640.0 * Vec2::new(c.into(), s.into())).norm() < 0.1, "{g}");
     }
 }

@@ -91,8 +91,9 @@ impl<'a> Edge<'a> {
         for (side, sign) in self.sides.iter().zip([1.0, -1.0]) {
             let mut pull = Pull::new(side.pivot, scale);
             pull_of(side, &mut pull);
-            h += side.turn * pull.information() * side.turn.transpose();
-            g += sign * (side.turn * pull.gradient());
+            let (information, gradient) = pull.equations();
+            h += side.turn * information * side.turn.transpose();
+            g += sign * (side.turn * gradient);
         }
         let mut of_poses = Vector6::zeros();
         of_poses.fixed_rows_mut::<3>(0).copy_from(&-g);
@@ -115,7 +116,7 @@ impl<'a> Edge<'a> {
                         weight += w;
                     }
                 }
-                let pull = side.turn * pull.gradient();
+                let pull = side.turn * pull.equations().1;
                 pulls += pull * pull.transpose();
             }
         }

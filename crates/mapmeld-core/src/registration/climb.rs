@@ -59,11 +59,11 @@ pub fn robust_weight(residual: f64, scale: f64) -> f64 {
 
 /// The step to go back; directions that the walls leave free stay where they are.
 fn step_back(pull: &Pull) -> Vector3<f64> {
-    let mut h = pull.information();
+    let (mut h, gradient) = pull.equations();
     // About one match in a hundred's worth of holding still, so that a bare corridor does not slide.
     let d = 0.01 * h[(0, 0)].max(h[(1, 1)]).max(1e-9);
     h += Matrix3::from_diagonal(&Vector3::new(d, d, 1e-6 * h[(2, 2)].max(1e-9)));
-    h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&pull.gradient()))
+    h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&gradient))
 }
 
 /// How far walls may lie from each other when a climb begins, metres.
@@ -222,7 +222,7 @@ pub fn covariance(
     let mut pull = Pull::new(to_a.inverse().apply(center), sigma);
     pull_of_all(a, b, &axes_of(&a.grid, &b.grid, t_a_b), &mut pull);
     let prior = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
-    let h = discount / (sigma * sigma) * pull.information() + prior;
+    let h = discount / (sigma * sigma) * pull.equations().0 + prior;
     let of_center = h.try_inverse().expect("information holds a positive prior");
     se2::swung(&to_a.transport_covariance(&of_center), t_a_b.translation() - center)
 }

@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from mapmeld.grid import OccupancyGrid
+from rooms import building, hall
 
 START = 1_700_000_000.0
 """When the bags begin, seconds since the epoch: 2023-11-14T22:13:20Z."""
@@ -142,3 +143,11 @@ def write_bag(path: Path, records: Sequence[Record], kind: str = "mcap") -> Path
 
 def bag_path(folder: Path, kind: str, name: str = "run") -> Path:
     return folder / (f"{name}.bag" if kind.startswith("rosbag1") else name)
+
+
+def team(prefix: str = "", seconds: float = 5.0) -> list[Record]:
+    """Three robots that first know little and then their part of the building."""
+    robots = [(f"{prefix}/robot{i}/map", grid) for i, grid in enumerate(building(), 1)]
+    early = [grid_record(1.0 + i / 10, topic, hall()) for i, (topic, _) in enumerate(robots)]
+    late = [grid_record(seconds + i / 10, topic, grid) for i, (topic, grid) in enumerate(robots)]
+    return [text_record(0.0), *early, *late, text_record(60.0)]

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from rooms import building, hall, save
+from studio_page import browser, require_browser, studio
 
 FIELDS = {
     "resolution": "0.05",
@@ -25,6 +29,15 @@ def shared_data() -> Path:
     if not data.is_dir():
         pytest.skip(f"no recorded maps in {data}; set MAPMELD_SHARED to the folder that holds data/")
     return data
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[tuple[Any, str]]:
+    """A browser, and the address of a workbench with three maps of a building and a hall."""
+    require_browser()
+    maps = save(tmp_path / "maps", [*building(), hall()])
+    with studio(maps, tmp_path / "out") as url, browser() as context:
+        yield context, url
 
 
 @pytest.fixture

@@ -71,6 +71,15 @@ def hall(name: str = "hall") -> OccupancyGrid:
     return OccupancyGrid(data, 0.1, (-1.0, 2.0, 0.0), name)
 
 
+def two_way_room(name: str, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> OccupancyGrid:
+    """A closed, bare room that a half turn takes to itself."""
+    data = np.full((220, 300), -1, dtype=np.int8)
+    data[10:210, 10:290] = 100
+    data[12:208, 12:288] = 0
+    data[90:130, 140:160] = 100
+    return OccupancyGrid(data, 0.05, origin, name)
+
+
 def blank(name: str = "blank") -> OccupancyGrid:
     return OccupancyGrid(np.full((20, 30), -1, dtype=np.int8), 0.1, (3.0, 4.0, 0.0), name)
 

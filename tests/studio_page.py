@@ -132,3 +132,7 @@ class Page:
         for k in (0.3, 0.7, 1.0):
             self.tab.mouse.move(*(s + k * (e - s) for s, e in zip(start, end, strict=True)))
         self.tab.mouse.up()
+
+
+def placed(page: Page) -> dict[str, str]:
+    return {m["name"]: m["status"] for m in page.evaluate("app.state.maps")}

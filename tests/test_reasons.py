@@ -11,7 +11,7 @@ import mapmeld
 from mapmeld.grid import UNKNOWN, OccupancyGrid
 from mapmeld.reasons import reason
 from mapmeld.result import Hypothesis, HypothesisMap, MergeResult
-from rooms import building, hall
+from rooms import building, hall, two_way_room
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +48,8 @@ def test_others_say_what_is_lacking(result: MergeResult) -> None:
 
 def test_a_room_that_a_half_turn_takes_to_itself_is_ambiguous() -> None:
     """Two maps of one closed, bare rectangular room: a half turn fits as well."""
-    data = np.full((220, 300), UNKNOWN, dtype=np.int8)
-    data[10:210, 10:290] = 100
-    data[12:208, 12:288] = 0
-    data[90:130, 140:160] = 100
-    a = OccupancyGrid(data, 0.05, (0.0, 0.0, 0.0), "a")
-    b = OccupancyGrid(data.copy(), 0.05, (3.0, -2.0, 0.4), "b")
-    result = mapmeld.merge([a, b], seed=1)
+    rooms = [two_way_room("a"), two_way_room("b", (3.0, -2.0, 0.4))]
+    result = mapmeld.merge(rooms, seed=1)
     statuses = [m.status for m in result.maps]
     told = [(m.status, m.probability, m.reason) for m in result.maps]
     assert statuses == ["ambiguous", "ambiguous"], told

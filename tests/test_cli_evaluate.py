@@ -71,6 +71,24 @@ def test_a_moved_map_is_wrong(case: Path) -> None:
 def test_strict_lets_a_right_result_pass(case: Path) -> None:
     to = ("evaluate", case / "out/result.json", case / "truth.json", "--maps", case / "maps")
     assert run_cli(*to, "--strict")[0] == 0
+    truth = json.loads((case / "truth.json").read_text())
+    (case / "truth.json").write_text(json.dumps({**truth, "pairs": []}))
+    code, out, _ = run_cli(*to, "--strict")
+    assert code == 0, "nothing to judge is nothing wrong"
+    assert "nothing to judge" in out
+
+
+def test_strict_asks_for_acceptance_where_nothing_is_wrong(case: Path) -> None:
+    file = case / "out" / "result.json"
+    result = json.loads(file.read_text())
+    right = next(m for m in result["maps"] if m["name"] == "right")
+    right["T_component_map"][0] += 0.6
+    file.write_text(json.dumps(result))
+    to = ("evaluate", file, case / "truth.json", "--maps", case / "maps")
+    code, out, _ = run_cli(*to, "--strict")
+    assert code == 3
+    assert "0 wrong" in out
+    assert "Acceptance: fails" in out
 
 
 def test_the_truth_of_another_case_is_refused(case: Path) -> None:
@@ -79,6 +97,8 @@ def test_the_truth_of_another_case_is_refused(case: Path) -> None:
         case / "other", [OccupancyGrid(left.data[:-3], left.resolution, left.origin, "left"), *others]
     )
     to = ("evaluate", case / "out/result.json", case / "truth.json", "--maps", Path(other[0]).parent)
+    assert_refused(run_cli(*to), "left.yaml", "another")
+    save(case / "other", [OccupancyGrid(left.data, left.resolution, (10.0, 20.0, 0.0), "left")])
     assert_refused(run_cli(*to), "left.yaml", "another")
     for path in (case / "maps").iterdir():
         path.unlink()

@@ -63,10 +63,13 @@ def test_text_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "45 x 30 cells of 0.1 m (4.50 x 3.00 m)" in out
     assert "lines: 8" in out
     assert "corners: 8 (4 inner, 4 outer)" in out
-    assert "hall_inspect.png" in out
-    with Image.open(tmp_path / "hall_inspect.png") as picture:
+    assert "maps_hall_inspect.png" in out
+    with Image.open(tmp_path / "maps_hall_inspect.png") as picture:
         assert picture.width > 500
-    assert set(os.listdir(tmp_path)) == {"maps", "hall_inspect.png"}
+    assert set(os.listdir(tmp_path)) == {"maps", "maps_hall_inspect.png"}
+    monkeypatch.chdir(tmp_path / "maps")
+    assert run_cli("inspect", "hall.yaml")[0] == 0
+    assert (tmp_path / "maps" / "hall_inspect.png").is_file()
 
 
 def test_the_picture_shows_classes_and_corners(tmp_path: Path) -> None:

@@ -191,13 +191,14 @@ def test_resolution(tmp_path: Path) -> None:
 
 def test_the_same_file_or_name_twice(tmp_path: Path) -> None:
     (a,) = save(tmp_path / "a", [hall("site")])
-    (b,) = save(tmp_path / "b" / "a", [hall("site")])
+    b = Path(a).with_suffix(".yml")
+    b.write_text(Path(a).read_text())
     (tmp_path / "link.yaml").symlink_to(a)
     to = ("-o", tmp_path / "out")
     assert_refused(run_cli("merge", a, a, *to), a, "twice", "once")
     assert_refused(run_cli("merge", a, tmp_path / "a" / ".." / "a" / "site.yaml", *to), "twice")
     assert_refused(run_cli("merge", a, tmp_path / "link.yaml", *to), "link.yaml", "twice")
-    assert_refused(run_cli("merge", a, b, *to), b, a, "'a/site'", "rename")
+    assert_refused(run_cli("merge", a, b, *to), str(b), a, "suffix", "rename")
     assert not (tmp_path / "out").exists()
 
 

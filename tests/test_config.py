@@ -162,7 +162,7 @@ def test_stronger_places_win_on_the_command_line(tmp_path: Path) -> None:
     file = tmp_path / "options.yaml"
     file.write_text("seed: 11\nfilter: {particles: 12, resample_below: 0.25}\nrefine: {max_iterations: 9}\n")
     code, out, err = run_cli(
-        "merge", map_path, "--json", "-", "--config", file, "--set", "filter.particles=13",
+        "merge", map_path, "-q", "--json", "-", "--config", file, "--set", "filter.particles=13",
         "--set", "fuse.rule=max", "--set", "seed=14", "--seed", 15, "--resolution", 0.2,
     )  # fmt: skip
     assert (code, err) == (0, "")

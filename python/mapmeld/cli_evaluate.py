@@ -37,5 +37,5 @@ def evaluate(
         from mapmeld.metrics_view import format_table
 
         print(format_table(evaluation))
-    if strict and (evaluation.summary.wrong or not evaluation.acceptance.holds):
+    if strict and (evaluation.summary.wrong or evaluation.acceptance.holds is False):
         raise typer.Exit(NOT_MET)

@@ -24,7 +24,7 @@ def inspect(
         typer.Option(
             "-o",
             "--output",
-            help="Picture to write; NAME_inspect.png in the current folder if not given, none with --json.",
+            help="Picture to write; FOLDER_NAME_inspect.png here if not given, none with --json.",
             show_default=False,
         ),
     ] = None,
@@ -56,7 +56,9 @@ def inspect(
     seen = features(grid, options)
     picture = output
     if picture is None and not json:
-        picture = Path(f"{grid.name}_inspect.png")
+        # Maps of several robots may all be called map.yaml: robot1_map_inspect.png.
+        folder = f"{file.parent.name}_" if file.parent.name not in ("", "..") else ""
+        picture = Path(f"{folder}{grid.name}_inspect.png")
     if picture is not None and picture.resolve() == read_map_yaml(file).image.resolve():
         raise MapmeldError(f"{picture}: is the map's own image; choose another name for the picture")
     if picture is not None:

@@ -67,8 +67,12 @@ def merge(
     reference: Annotated[
         str | None, typer.Option(help="Name of the map whose frame is the world.", show_default=False)
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of every random draw.", show_default=False)] = None,
-    particles: Annotated[int | None, typer.Option(help="Number of particles.", show_default=False)] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of every random draw; 1.", show_default=False)
+    ] = None,
+    particles: Annotated[
+        int | None, typer.Option(help="Number of particles; 100.", show_default=False)
+    ] = None,
     threads: Annotated[
         int | None,
         typer.Option(help="Number of threads; all cores. The result is the same.", show_default=False),
@@ -146,7 +150,7 @@ def merge(
             show_default=False,
         ),
     ] = None,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, no summary.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="No progress, summary or warnings.")] = False,
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Tell also of pairs, particles and times.")
     ] = False,
@@ -154,27 +158,29 @@ def merge(
         bool, typer.Option("--force", help="Write into a folder that holds other files; they stay.")
     ] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="End with 3 where the maps fall into several; all is written.")
+        bool, typer.Option("--strict", help="End with 3 where not all make one merged map; all is written.")
     ] = False,
 ) -> None:
     """Merge maps whose frames, overlaps and order are unknown.
 
-    A map is called like its file without suffix, one of a bag like its namespace (/robot1/map: robot1). Maps
-    that share too little evidence stay apart: every connected component becomes a merged map of its own, the
-    largest merged.yaml, then merged_2.yaml, ...
+    A map is called like its file without suffix, with its folder where files are called alike (robot1/map);
+    one of a bag like its namespace (/robot1/map: robot1). Maps that share too little evidence stay apart:
+    every component becomes a merged map of its own, the largest merged.yaml, then merged_2.yaml, ...
     """
     from mapmeld.bag import is_bag
     from mapmeld.cli_options import gather_options
     from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
-    from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs, with_folders_opened
+    from mapmeld.map_folder import with_folders_opened
+    from mapmeld.map_inputs import check_bag_options, check_paths, read_inputs
     from mapmeld.merge_extras import Extras
 
     started = time.perf_counter()
     if output is None and json is None:
         raise MapmeldError("no output folder; give one with -o DIR, or --json - to print the result")
     extras = Extras(report, figures, rerun, output)
-    maps = with_folders_opened(maps)
+    notes: list[str] = []
+    maps = with_folders_opened(maps, notes)
     check_paths(maps)
     named, moment = check_bag_options(maps, topics, at)
     flags = [
@@ -207,6 +213,7 @@ def merge(
         out = None if output is None else stack.enter_context(OutputFolder(output, force=force, inputs=saved))
         with _progress(quiet) as progress:
             inputs = read_inputs(maps, named, moment, progress)
+            inputs.notes += notes
             grids = inputs.grids
             if saved_session is not None and session is not None:
                 saved_session.check(grids, session)
@@ -251,7 +258,7 @@ def merge(
             out.commit()
     troubles = [] if store is None else store.warnings()
     _tell(result, inputs, output, json, quiet, verbose, troubles)
-    if strict and len(result.components) > 1:
+    if strict and len(result.merged_maps) != 1:
         raise typer.Exit(NOT_MET)
 
 

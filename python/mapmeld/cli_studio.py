@@ -20,7 +20,8 @@ def studio(
     maps: Annotated[
         list[Path],
         typer.Argument(
-            help="Saved maps (yaml files of map_server) and ROS bags (a folder, .mcap, .db3 or .bag).",
+            help="Saved maps (yaml files of map_server, or folders of them) and ROS bags (a folder, .mcap, "
+            ".db3 or .bag).",
             show_default=False,
         ),
     ],
@@ -62,7 +63,8 @@ def studio(
     from mapmeld.config import overlay
     from mapmeld.errors import MapmeldError
     from mapmeld.known import Known
-    from mapmeld.map_inputs import check_paths, read_inputs, with_folders_opened
+    from mapmeld.map_folder import with_folders_opened
+    from mapmeld.map_inputs import check_paths, read_inputs
     from mapmeld.output import OutputFolder
 
     try:

@@ -23,6 +23,8 @@ def read_object(path: str | Path) -> dict[str, Any]:
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
+    except IsADirectoryError as error:
+        raise MapmeldError(f"{path}: is a folder; give the JSON file in it") from error
     except OSError as error:
         raise MapmeldError(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

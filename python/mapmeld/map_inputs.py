@@ -17,8 +17,9 @@ from mapmeld.bag_topics import guess_topics, named_topics, robot_names
 from mapmeld.errors import MapFileError, MapmeldError
 from mapmeld.grid import UNKNOWN, OccupancyGrid
 from mapmeld.map_file import MapFile
-from mapmeld.map_io import read_map
-from mapmeld.map_yaml import YAML_SUFFIXES, names_image, one_line
+from mapmeld.map_io import check_is_yaml, read_map
+from mapmeld.map_names import saved_names
+from mapmeld.map_yaml import one_line
 
 
 class BagTopic(NamedTuple):
@@ -41,63 +42,12 @@ class MapInputs:
     warnings: list[str] = field(default_factory=list)
 
 
-def with_folders_opened(paths: Sequence[Path]) -> list[Path]:
-    """The paths, and in the place of a folder that is no bag the saved maps in it, ordered by their names.
-
-    Other yaml files, which name no image, are passed over. Raises MapFileError for a folder without maps.
-    """
-    found: list[Path] = []
-    for path in paths:
-        if not path.is_dir() or is_bag(path):
-            found.append(path)
-            continue
-        try:
-            inside = sorted(path.iterdir())
-        except OSError as error:
-            raise MapFileError(f"{path}: cannot be read: {error.strerror or error}") from error
-        files = [f for f in inside if f.suffix.lower() in YAML_SUFFIXES and f.is_file() and names_image(f)]
-        if not files:
-            raise MapFileError(
-                one_line(
-                    f"{path}: is a folder without saved maps (yaml files that name an image), and no bag"
-                )
-            )
-        found += files
-    return found
-
-
 def check_paths(paths: Sequence[Path]) -> None:
-    """Raises MapmeldError for a path that is given twice, and for two saved maps of one name."""
-    by_file: dict[Path, Path] = {}
-    for path in paths:
-        same = by_file.setdefault(path.resolve(), path)
-        if same is not path:
-            raise MapmeldError(f"{path}: is given twice (as {same}); give every map once")
+    """Raises MapmeldError for a path that is given twice, and for a file that is neither a yaml nor a bag."""
     saved_names(paths)
-
-
-def saved_names(paths: Sequence[Path]) -> dict[Path, str]:
-    """What the saved maps among the paths are called: like their files without suffix; where several files
-    are called alike (robot1/map.yaml, robot2/map.yaml), with their folders before it (robot1/map).
-
-    Raises MapmeldError for two maps that have one name all the same.
-    """
-    saved = [path for path in paths if not is_bag(path)]
-    times = Counter(path.stem for path in saved)
-    names: dict[Path, str] = {}
-    by_name: dict[str, Path] = {}
-    for path in saved:
-        names[path] = path.stem if times[path.stem] == 1 else name_with_folder(path)
-        namesake = by_name.setdefault(names[path], path)
-        if namesake is not path:
-            called = f"would be called {names[path]!r}, as {namesake} is"
-            raise MapmeldError(f"{path}: {called}; rename one, names tell maps apart")
-    return names
-
-
-def name_with_folder(path: Path) -> str:
-    """The name of a saved map that has its folder's before it."""
-    return f"{path.absolute().parent.name}/{path.stem}"
+    for path in paths:
+        if not is_bag(path):
+            check_is_yaml(path)
 
 
 def check_bag_options(
@@ -129,7 +79,7 @@ def read_inputs(
     """
     inputs = MapInputs()
     with open_bags([p for p in paths if is_bag(p)]) as bags:
-        saved = saved_names(paths)
+        saved = saved_names([p for p in paths if not is_bag(p)])
         robots = choose_robots(bags, topics, inputs.warnings, taken=list(saved.values()))
         jobs: list[Path | BagTopic] = []
         for path in paths:
@@ -151,10 +101,10 @@ def read_inputs(
 
 def _told_twice(grids: Sequence[OccupancyGrid]) -> list[str]:
     """A sentence for each map that has the cells of another: it would merge with it, and tell nothing."""
-    first: dict[tuple[int, int], list[OccupancyGrid]] = {}
+    first: dict[tuple[float, int, int], list[OccupancyGrid]] = {}
     lines = []
     for grid in grids:
-        alike = first.setdefault((grid.width, grid.height), [])
+        alike = first.setdefault((grid.resolution, grid.width, grid.height), [])
         twin = next((g for g in alike if np.array_equal(g.data, grid.data)), None)
         if twin is None:
             alike.append(grid)

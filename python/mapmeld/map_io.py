@@ -52,8 +52,7 @@ def read_map(path: str | os.PathLike[str], name: str | None = None) -> Occupancy
     field that is missing or out of range, and an image above map_image.MAX_CELLS pixels.
     """
     yaml_path = Path(path)
-    if yaml_path.suffix.lower() not in YAML_SUFFIXES and not yaml_path.is_dir():
-        raise MapFileError(one_line(f"{yaml_path}: is not a .yaml file; {_advise_yaml(yaml_path)}"))
+    check_is_yaml(yaml_path)
     fields = read_map_yaml(yaml_path)
     try:
         image = read_map_image(fields.image)
@@ -122,6 +121,12 @@ def write_map(
     text = yaml.safe_dump(fields, sort_keys=False, default_flow_style=None, allow_unicode=True, width=10_000)
     _replace_file(image_path, _encode(_pixel_of_cell(mode)[grid.data[::-1]], image_format))
     _replace_file(yaml_path, text.encode("utf-8"))
+
+
+def check_is_yaml(path: Path) -> None:
+    """Raises MapFileError for a file that by its name is no yaml, as an image is none; says which to pass."""
+    if path.suffix.lower() not in YAML_SUFFIXES and not path.is_dir():
+        raise MapFileError(one_line(f"{path}: is not a .yaml file; {_advise_yaml(path)}"))
 
 
 def _advise_yaml(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import reprlib
@@ -23,7 +24,8 @@ YAML_SUFFIXES = (".yaml", ".yml")
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 # A map's yaml takes a few hundred bytes. What is far larger is another file, and not worth parsing.
 _MAX_YAML_BYTES = 1 << 16
-_NAMES_IMAGE = re.compile(rb"""^(\{.*)?["']?image["']?\s*:""", re.MULTILINE)
+_IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
+_NAMES_IMAGE = re.compile(rb"""\bimage["']?\s*:""")
 
 
 @dataclass(frozen=True)
@@ -82,14 +84,19 @@ def read_map_yaml(path: Path) -> MapYaml:
     )
 
 
-def names_image(path: Path) -> bool:
-    """Whether a yaml file names an image at its top level, as a saved map does and no other yaml of ROS."""
-    try:
-        with path.open("rb") as file:
-            return _NAMES_IMAGE.search(file.read(_MAX_YAML_BYTES)) is not None
-    except OSError:
-        # Whoever reads it as a map says what is wrong.
+def is_saved_map(path: Path) -> bool:
+    """Whether a yaml file is, or was meant to be, a saved map's: it names an image, or where a map lies, or
+    has an image of its own name beside it. No other yaml of ROS does."""
+    if any(path.with_suffix(suffix).exists() for suffix in _IMAGE_SUFFIXES):
         return True
+    try:
+        fields = _load_mapping(path)
+    except MapFileError:
+        # Broken, or out of reach: whoever reads it as a map says what is wrong.
+        with contextlib.suppress(OSError):
+            return _NAMES_IMAGE.search(path.read_bytes()[:_MAX_YAML_BYTES]) is not None
+        return True
+    return "image" in fields or {"resolution", "origin"} <= fields.keys()
 
 
 def one_line(text: object) -> str:

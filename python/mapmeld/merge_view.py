@@ -25,7 +25,7 @@ def summary_table(result: MergeResult) -> Table:
     # Narrow enough for 80 columns with names of ten letters; numbers are never cut.
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("map", overflow="fold")
-    for head in ("comp", "x m", "y m", "theta deg", "sd x", "sd y", "sd theta"):
+    for head in ("comp", "x m", "y m", "theta deg", "sd x m", "sd y m", "sd deg"):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
     table.add_column("prob", justify="right", no_wrap=True)
@@ -42,7 +42,7 @@ def warnings(result: MergeResult) -> list[str]:
     if parts > 1:
         lines.append(
             f"the maps fall into {parts} components; between them there is not enough evidence to merge "
-            "(-v shows every pair). Each component is a merged map of its own"
+            f"(-v shows every pair). Each is a merged map of its own: {_files(result)}"
         )
     unmerged = [
         m for m in result.maps if m.status == "blank" or (parts > 1 and m.status not in ("merged", "pinned"))
@@ -51,6 +51,13 @@ def warnings(result: MergeResult) -> list[str]:
     unmerged += [m for m in result.maps if parts == 1 and m.status in ("prior", "no evidence")]
     lines += [f"map {m.name}: {m.status}: {m.reason}" for m in unmerged]
     return lines
+
+
+def _files(result: MergeResult) -> str:
+    """Which component is in which file, as far as they can be told in a line."""
+    named = [(k, c.merged.name) for k, c in enumerate(result.components) if c.merged is not None]
+    told = ", ".join(f"component {k} is {name}.yaml" for k, name in named[:3])
+    return told + (", and so on" if len(named) > 3 else "")
 
 
 def details(result: MergeResult) -> list[str]:
@@ -68,12 +75,12 @@ def details(result: MergeResult) -> list[str]:
         lines += [f"known: {line}" for line in result.known.lines()]
     for p in result.pairs:
         if p.modes:
-            best = p.modes[0]
+            best, decoy = p.modes[0], p.decoy_log_likelihood
+            mirrored = _NONE if decoy is None else f"{decoy:.1f}"
             lines.append(
                 f"pair {p.a}, {p.b}: {p.status}, probability {p.probability:.2f}, "
                 f"{best.shared_length:.1f} m of wall in common, log-likelihood {best.log_likelihood:.1f} "
-                f"(mirror image {p.decoy_log_likelihood or 0.0:.1f}), {len(p.modes)} modes of {p.candidates} "
-                "candidates"
+                f"(mirror image {mirrored}), {len(p.modes)} modes of {p.candidates} candidates"
             )
         else:
             lines.append(f"pair {p.a}, {p.b}: no mode of {p.candidates} candidates")

@@ -79,7 +79,9 @@ def merge(
     names = [grid.name or f"map_{i}" for i, grid in enumerate(grids)]
     for name in names:
         if names.count(name) > 1:
-            raise MapmeldError(one_line(f"maps: two are called {name!r}; give each a name of its own"))
+            raise MapmeldError(
+                one_line(f"maps: two are called {name!r}; give each a name of its own, read_map(path, name)")
+            )
     options = effective_config(_with_short_options(config or {}, particles, seed, threads))
     if known:
         known.check_names(names)

@@ -101,6 +101,22 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
 
 
+def earlier_output(folder: Path) -> set[str]:
+    """Names of the files in a folder that an earlier merge wrote: those that its result.json speaks for."""
+    try:
+        result = json.loads((folder / RESULT).read_bytes())
+        if not isinstance(result, dict) or not result.keys() >= _RESULT_KEYS:
+            return set()
+        merged = [str(c["merged"]) for c in result["components"] if c["merged"] is not None]
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return set()
+    names = set(_OURS)
+    for name in merged:
+        names |= {name, f"{name.removesuffix('.yaml')}.pgm"}
+    # The file may have been edited: no name but ours counts, least of all one that leads elsewhere.
+    return {n for n in names if n in _OURS or _MERGED.fullmatch(n)}
+
+
 class OutputFolder:
     """A folder that gets its files all at once: they are written to `staged`, then moved by `commit`.
 
@@ -124,7 +140,7 @@ class OutputFolder:
                 raise MapmeldError(f"{self.folder}: is there and no folder; choose another name")
             if self._exists:
                 self._refuse_inputs()
-                self._refuse_foreign(self._earlier())
+                self._refuse_foreign(earlier_output(self.folder))
             # Within a folder that is there, since its parent may be closed to us or another file system.
             base = self.folder if self._exists else _existing_parent(self.folder)
             self._work = base / f"{_STAGING}{os.urandom(8).hex()}"
@@ -151,7 +167,7 @@ class OutputFolder:
                 os.rename(self.staged, self.folder)
 
     def _exchange(self) -> None:
-        earlier = self._earlier()
+        earlier = earlier_output(self.folder)
         self._refuse_foreign(earlier)
         new = os.listdir(self.staged)
         leaving = [name for name in {*earlier, *new} if os.path.lexists(self.folder / name)]
@@ -173,21 +189,6 @@ class OutputFolder:
                 with contextlib.suppress(OSError):
                     os.rename(target, source)
             raise
-
-    def _earlier(self) -> set[str]:
-        """Names of the files here that an earlier merge wrote: those that its result.json speaks for."""
-        try:
-            result = json.loads((self.folder / RESULT).read_bytes())
-            if not isinstance(result, dict) or not result.keys() >= _RESULT_KEYS:
-                return set()
-            merged = [str(c["merged"]) for c in result["components"] if c["merged"] is not None]
-        except (OSError, ValueError, TypeError, KeyError, RecursionError):
-            return set()
-        names = set(_OURS)
-        for name in merged:
-            names |= {name, f"{name.removesuffix('.yaml')}.pgm"}
-        # The file may have been edited: no name but ours counts, least of all one that leads elsewhere.
-        return {n for n in names if n in _OURS or _MERGED.fullmatch(n)}
 
     def _refuse_foreign(self, earlier: set[str]) -> None:
         if self._force:

@@ -55,6 +55,16 @@ def reason(
         return "the only maps whose walls fit its own are forbidden to match it"
     if not own:
         return "no wall of another map fits any of its walls" if pairs else "it is the only map"
+    sure = sorted((p for p in own if p.status == "merged"), key=lambda p: -p.probability)
+    if sure:
+        told = ", ".join(f"{_other(p, name)} ({p.probability:.2f})" for p in sure[:3])
+        wrong = [_other(p, name) for p in every if p.status == "forbidden"]
+        if wrong:
+            return f"{told} would hold it where its match with {', '.join(wrong)} is forbidden"
+        return (
+            f"alone it would merge with {told}, but not in one place: a match is wrong, or the map is bent, "
+            "or its resolution is another than stated"
+        )
     best = max(own, key=lambda p: p.probability)
     lacking = _lacking(best, centres)
     return f"no shared walls that suffice; closest is {_other(best, name)}: {_evidence(best)}{lacking}"

@@ -60,18 +60,16 @@ def draw_report(path: str | Path, result: MergeResult, maps: Sequence[OccupancyG
     The titles tell the merge order. Raises OSError when the file cannot be written.
     """
     panels = _panels(result)
-    known = _known_lines(result)
-    if not all(near for panel in panels for near in panel.near):
-        known.append("An arrow leads from a number at the edge to its map's origin, which lies farther out.")
+    notes = [*_known_lines(result), *_explained(panels)]
     rows = math.ceil(len(result.maps) / _legend_columns(result))
-    below = _LINE * (rows + len(known)) + 24
+    below = _LINE * (rows + len(notes)) + 24
     above = _height(panels)
     picture = Picture(_WIDTH, above + below)
     for panel, box in zip(panels, _boxes(panels, above), strict=True):
         _draw_panel(picture, box, panel, result, maps)
     if not panels:
         picture.text((_WIDTH / 2, above / 2), "No map holds a known cell.", 20, "mm")
-    _draw_legend(picture, above + 8, result, known)
+    _draw_legend(picture, above + 8, result, notes)
     Path(path).write_bytes(picture.png())
 
 
@@ -113,14 +111,14 @@ def _height(panels: list[_Panel]) -> int:
     """Of all panels together, pixels: a lone panel's shape decides, within reason."""
     if not panels:
         return 160
-    if len(panels) == 1:
-        left, right, bottom, top = panels[0].view
-        return round(min(max((_WIDTH - 90) * (top - bottom) / (right - left), 275), 1200)) + 100
     if panels[0].is_large:
-        # The small ones at its side take a fifth of the picture's width each, one below the other.
         left, right, bottom, top = panels[0].view
-        large = (_main_width(len(panels) - 1) - 90) * (top - bottom) / (right - left) + 110
-        return round(min(max(large, 0.2 * _WIDTH * min(len(panels) - 1, 4), 275), 0.9 * _WIDTH))
+        small = len(panels) - 1
+        height = (_main_width(small) - 90) * (top - bottom) / (right - left)
+        if not small:
+            return round(min(max(height, 275), 1200)) + 100
+        # The small ones at its side take a fifth of the picture's width each, one below the other.
+        return round(min(max(height + 100, 0.2 * _WIDTH * min(small, 4), 275), 0.9 * _WIDTH))
     columns = _columns(len(panels))
     return round(_WIDTH * math.ceil(len(panels) / columns) / columns)
 
@@ -223,6 +221,17 @@ def _known_lines(result: MergeResult) -> list[str]:
     return [textwrap.shorten(line, 110) for line in lines]
 
 
+def _explained(panels: list[_Panel]) -> list[str]:
+    """What a stranger cannot know of the panels."""
+    lines = []
+    if panels:
+        frames = "circles: origins of the maps' frames; grey: free floor"
+        lines.append(f"{frames}; walls of several maps have their colours by turns")
+    if not all(near for panel in panels for near in panel.near):
+        lines.append("an arrow leads from a number at the edge to its map's origin, which lies farther out")
+    return lines
+
+
 def _legend_columns(result: MergeResult) -> int:
     longest = max(text_width(_label(i, result), _SMALL_PRINT) for i in range(len(result.maps)))
     return max(1, min(5, int((_WIDTH - 20) // (longest + 55))))
@@ -235,11 +244,11 @@ def _label(i: int, result: MergeResult) -> str:
     return f"{i}  {name}" + ("" if placed.status == "merged" else f" ({placed.status})")
 
 
-def _draw_legend(picture: Picture, top: int, result: MergeResult, known: list[str]) -> None:
-    """What was known, and the colour, index and name of each map, column by column."""
-    for k, line in enumerate(known):
+def _draw_legend(picture: Picture, top: int, result: MergeResult, notes: list[str]) -> None:
+    """Notes, and the colour, index and name of each map, column by column."""
+    for k, line in enumerate(notes):
         picture.text((_WIDTH / 2, top + _LINE * k), line, _SMALL_PRINT, "ma")
-    top += _LINE * len(known)
+    top += _LINE * len(notes)
     columns = _legend_columns(result)
     rows = math.ceil(len(result.maps) / columns)
     widths = [

@@ -12,8 +12,9 @@ from mapmeld.bag import Bag, is_bag
 from mapmeld.config import effective_config
 from mapmeld.errors import MapmeldError
 from mapmeld.grid import OccupancyGrid
-from mapmeld.map_inputs import name_with_folder, saved_names
+from mapmeld.map_inputs import check_paths
 from mapmeld.map_io import read_map
+from mapmeld.map_names import name_among
 from mapmeld.map_yaml import one_line
 
 _PAIR_NUMBERS = (
@@ -71,13 +72,19 @@ def read_maps(
     MapmeldError for a map that is not there any more, or that the result does not name a file of.
     """
     names = [m["name"] for m in result["maps"]]
+    check_paths(given)
     by_name: dict[str, Path] = {}
-    for file, name in saved_names(given).items():
-        # Alone or not, a file may have been called with its folder when it was merged.
-        is_called = [n for n in (name, name_with_folder(file)) if n in names]
-        if not is_called:
-            raise MapmeldError(one_line(f"{file}: {path} has no map called {name!r}; leave it out"))
-        by_name[is_called[0]] = file
+    for file in given:
+        name = name_among(file, names)
+        if name is None or is_bag(file):
+            alike = [n for n in names if n.rpartition("/")[2] == file.stem]
+            hint = f"put it into a folder so that it is {' or '.join(alike)}" if alike else "leave it out"
+            raise MapmeldError(one_line(f"{file}: {path} has no map called {file.stem!r}; {hint}"))
+        if name in by_name:
+            raise MapmeldError(
+                one_line(f"{file}: is map {name!r} of {path}, as {by_name[name]} is; keep one")
+            )
+        by_name[name] = file
     return {
         name: read_map(by_name[name], name) if name in by_name else _read_named(m, Path(path))
         for name, m in zip(names, result["maps"], strict=True)

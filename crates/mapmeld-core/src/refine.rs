@@ -169,7 +169,8 @@ fn arms(maps: &[LocalMap], members: &[usize], poses: &[Se2]) -> Vec<Vec2> {
 /// Samples of each map that tell whether two overlap.
 const OVERLAP_SAMPLES: usize = 256;
 
-/// Pairs of members whose walls agree at the given poses.
+/// Pairs of members whose walls agree at the given poses, and of those that nothing joins to the others the pairs whose
+/// walls agree most: what put a bent map where it lies may not be seen once it is rigid.
 fn overlapping(
     maps: &[LocalMap],
     members: &[usize],
@@ -181,13 +182,29 @@ fn overlapping(
     let all: Vec<(usize, usize)> =
         near.filter(|(i, j)| !known.is_forbidden(members[*i], members[*j])).collect();
     let perception = config.perception.rigid();
-    let keep = parallel::map(&all, |(i, j)| {
+    let evidence = parallel::map(&all, |(i, j)| {
         let (a, b) = (&maps[members[*i]], &maps[members[*j]]);
         let t_a_b = poses[*i].between(&poses[*j]);
-        let e = likelihood::pair(a, b, &t_a_b, OVERLAP_SAMPLES, &perception);
-        e.log_likelihood > 0.0 && e.hits >= 2.0
+        likelihood::pair(a, b, &t_a_b, OVERLAP_SAMPLES, &perception)
     });
-    all.into_iter().zip(keep).filter(|(_, k)| *k).map(|(e, _)| e).collect()
+    // The likeliest first; of equals the first.
+    let mut order: Vec<usize> = (0..all.len()).filter(|k| evidence[*k].hits >= 2.0).collect();
+    let likelihood = |k: &usize| evidence[*k].log_likelihood;
+    order.sort_by(|x, y| likelihood(y).total_cmp(&likelihood(x)));
+    let mut group: Vec<usize> = (0..members.len()).collect();
+    let mut is_kept = vec![false; all.len()];
+    for k in order {
+        let (i, j) = all[k];
+        let joins = group[i] != group[j];
+        // Where a map was told to lie, walls need not agree.
+        let is_told = || [i, j].iter().any(|m| known.is_told(members[*m]));
+        is_kept[k] = likelihood(&k) > 0.0 || joins && !is_told();
+        if is_kept[k] && joins {
+            let (from, to) = (group[j], group[i]);
+            group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
+        }
+    }
+    all.into_iter().zip(is_kept).filter(|(_, k)| *k).map(|(e, _)| e).collect()
 }
 
 /// Information and gradient of all poses: of the edges, summed in their order. Some poses are held.

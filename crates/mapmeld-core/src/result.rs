@@ -32,6 +32,12 @@ impl Known {
     pub fn is_forbidden(&self, a: usize, b: usize) -> bool {
         self.forbidden.iter().any(|(x, y)| (*x, *y) == (a, b) || (*x, *y) == (b, a))
     }
+
+    /// Whether anything is known of where a map lies.
+    pub fn is_told(&self, map: usize) -> bool {
+        self.priors.get(map).is_some_and(Option::is_some)
+            || self.relations.iter().any(|r| r.a == map || r.b == map)
+    }
 }
 
 /// Where a map ended up.

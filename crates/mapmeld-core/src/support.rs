@@ -61,8 +61,7 @@ pub fn of_first(
 ) -> Option<f64> {
     let (first, _) = *part.poses.first()?;
     let x = whole.pose(first)?;
-    let is_given =
-        is_told(known, first) || known.order.as_ref().is_some_and(|o| o.contains(&first));
+    let is_given = known.is_told(first) || known.order.as_ref().is_some_and(|o| o.contains(&first));
     if is_given || part.poses.len() < 3 {
         return None;
     }
@@ -76,12 +75,6 @@ pub fn of_first(
     });
     let votes: f64 = votes.sum();
     (votes < -vote(least)).then(|| probability(votes))
-}
-
-/// Whether anything is known of where a map lies.
-fn is_told(known: &Known, map: usize) -> bool {
-    known.priors.get(map).is_some_and(Option::is_some)
-        || known.relations.iter().any(|r| r.a == map || r.b == map)
 }
 
 /// Whether two poses put a map at the same place.
@@ -112,7 +105,7 @@ pub fn doubt(maps: &[LocalMap], pairs: &PairTable, world: &mut World, known: &Kn
         }
     };
     let others = world.poses.iter().zip(&mut world.certainties).skip(1);
-    for ((m, x), certainty) in others.filter(|((m, _), _)| !is_told(known, *m)) {
+    for ((m, x), certainty) in others.filter(|((m, _), _)| !known.is_told(*m)) {
         let carried = pairs.carried(*m).map(|(other, t, p)| (there(x, other, &t), p));
         let (mut highest, mut least_of_all, mut votes) = (0.0_f64, 1.0_f64, 0.0);
         for (there, p) in carried {

@@ -6,10 +6,11 @@ use common::{any_frame, apart, office, rng, Plan};
 use mapmeld_core::config::Config;
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
+use mapmeld_core::prior::Prior;
 use mapmeld_core::refine::{refine, Refined};
 use mapmeld_core::result::Known;
 use mapmeld_core::se2::{Se2, Vec2};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use rand::Rng;
 use rand_pcg::Pcg64Mcg;
 
@@ -91,6 +92,28 @@ fn perturbed_poses_come_back() {
             assert!(c[(0, 0)].max(c[(1, 1)]).sqrt() < 0.5, "{c}");
         }
     }
+}
+
+/// As it is with bent maps, which are merged and do not fit once they are rigid.
+#[test]
+fn what_nothing_joins_is_held_by_the_walls_that_agree_most() {
+    let mut config = Config::default();
+    config.perception.hit = 0.1;
+    config.perception.miss = -20.0;
+    let mut rng = rng(7);
+    let (maps, frames) = robots(&mut rng, 3);
+    let (truth, off) = perturbed(&mut rng, &maps, &frames, 0);
+    let refined = |known: &Known| refine(&maps, &[0, 1, 2], &off, &[0], known, &config);
+    let r = refined(&Known::default());
+    assert!(worst(&maps, &r.poses, &truth).0 < 0.3 * CELL);
+    for c in &r.covariances[1..] {
+        assert!(is_covariance(c) && c[(0, 0)].max(c[(1, 1)]).sqrt() < 0.5, "{c}");
+    }
+    // Of what was told, walls that do not agree say nothing.
+    let covariance = Matrix3::from_diagonal(&Vector3::new(0.1, 0.1, 0.1));
+    let prior = |t: &Se2| Some(Prior { t_world_map: *t, covariance, is_pinned: false });
+    let told = refined(&Known { priors: off.iter().map(prior).collect(), ..Known::default() });
+    assert_eq!(told.poses, off);
 }
 
 /// Which walls agree is known only once the maps lie right: the answer is where they pull at each other then.

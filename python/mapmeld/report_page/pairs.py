@@ -110,5 +110,5 @@ def _why(pair: Mapping[str, Any], story: Story) -> str:
         case Lack.DIRECTION:
             return "walls in common run nearly all in one direction"
         case Lack.RIVAL:
-            return "its mirror image or another place fits nearly as well"
+            return "its mirror image or another place fits about as well"
     return "less probable than asked for"

@@ -140,6 +140,8 @@ class _Pair(TypedDict):
     status: str
     probability: float
     decoy_log_likelihood: float | None
+    scale: float | None
+    scale_deviation: float | None
     modes: list[_Mode]
 
 class _Merge(TypedDict):

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from mapmeld.result import MergeResult, PlacedMap
+from mapmeld.true_size import wrong_sizes
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -50,6 +51,7 @@ def warnings(result: MergeResult) -> list[str]:
     # A prior is what places a map where no wall does; one map alone has nothing to be placed by.
     unmerged += [m for m in result.maps if parts == 1 and m.status in ("prior", "no evidence")]
     lines += [f"map {m.name}: {m.status}: {m.reason}" for m in unmerged]
+    lines += [str(w) for w in wrong_sizes(result.pairs)]
     return lines
 
 

@@ -226,6 +226,8 @@ def result_of(
             p["status"],
             _share(p["probability"]),
             p["decoy_log_likelihood"],
+            p["scale"],
+            p["scale_deviation"],
             tuple(_mode(m) for m in p["modes"]),
         )
         for p in found["pairs"]

@@ -107,6 +107,9 @@ class Pair:
     decoy_log_likelihood: the best that the mirror image of one map reaches on the other, nats: what chance
         and repetition reach; 0 where that is next to nothing beside the first mode. None when nothing was
         tried.
+    scale, scale_deviation: how many times as large b would fit a best there, and the standard deviation of
+        that; 1 where both are true to scale. None of pairs that alone would not be merged, and where walls do
+        not tell.
     """
 
     a: str
@@ -115,6 +118,8 @@ class Pair:
     status: str
     probability: float
     decoy_log_likelihood: float | None
+    scale: float | None
+    scale_deviation: float | None
     modes: tuple[Mode, ...]
 
 
@@ -293,6 +298,8 @@ def _pair(pair: Pair) -> dict[str, Any]:
         "probability": _number(pair.probability),
         "candidates": pair.candidates,
         "decoy_log_likelihood": _number(pair.decoy_log_likelihood),
+        "scale": _number(pair.scale),
+        "scale_deviation": _number(pair.scale_deviation),
         "modes": len(pair.modes),
         "runner_up": {
             "T_a_b": _numbers(second.T_a_b),

@@ -112,6 +112,7 @@ impl Canonical {
             for m in &mut p.found.modes {
                 (m.t_a_b, m.covariance) = pair::inverse(m);
             }
+            p.stretch = p.stretch.map(|s| s.inverse());
         }
         p
     }

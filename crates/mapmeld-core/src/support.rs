@@ -141,7 +141,7 @@ pub(crate) mod tests {
         let mode = Mode { t_a_b, covariance, evidence, log_odds: 0.0, source: Source::Corners };
         let status = if probability < 0.85 { Status::NoEvidence } else { Status::Merged };
         let found = Rung { modes: vec![mode], decoy: None, apart: SAME_WORLD.0 };
-        PairModes { a, b, candidates: 1, found, status, probability }
+        PairModes { a, b, candidates: 1, found, status, probability, stretch: None }
     }
 
     fn doubted(pairs: Vec<PairModes>, of_last: f64) -> Vec<f64> {

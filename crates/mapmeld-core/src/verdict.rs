@@ -146,7 +146,7 @@ pub fn of_pair(
         true => Status::Ambiguous,
         false => Status::NoEvidence,
     };
-    PairModes { a, b, candidates, found, status, probability }
+    PairModes { a, b, candidates, found, status, probability, stretch: None }
 }
 
 /// What is said of the poses at which one map may lie.

@@ -145,6 +145,8 @@ pub fn pair<'py>(py: Python<'py>, p: &PairModes) -> PyResult<Bound<'py, PyDict>>
     d.set_item("probability", p.probability)?;
     let decoy = p.found.decoy;
     d.set_item("decoy_log_likelihood", decoy)?;
+    d.set_item("scale", p.stretch.map(|s| s.scale))?;
+    d.set_item("scale_deviation", p.stretch.map(|s| s.deviation))?;
     let modes = p.found.modes.iter().map(|x| mode(py, x)).collect::<PyResult<Vec<_>>>()?;
     d.set_item("modes", modes)?;
     Ok(d)

@@ -12,10 +12,12 @@ pub mod glance;
 pub mod pair;
 pub mod search;
 pub mod segments;
+pub mod stretch;
 
 use crate::config::PerceptionConfig;
 use crate::evidence::Status;
 use crate::perception::WallEvidence;
+use crate::registration::stretch::Stretch;
 use crate::se2::{Se2, Vec2};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
@@ -147,6 +149,8 @@ pub struct PairModes {
     pub status: Status,
     /// Probability that the likeliest mode is right; zero without one.
     pub probability: f64,
+    /// How many times as large map b would fit best there; of pairs that alone would be merged, once all is placed.
+    pub stretch: Option<Stretch>,
 }
 
 /// How far apart, metres at the map's centre, rigid poses tell different stories under a model: the walls of bent maps

@@ -4,8 +4,8 @@
     python benchmarks/true_size.py --every 4
 
 Recorded pairs that share a quarter of their walls, in $MAPMELD_SHARED/data (by default ../shared/data as seen
-from the repository), merged as two maps alone. Hand-held maps (Halmstad) are told apart: they are bent. Prints
-Markdown.
+from the repository), merged as two maps alone. Hand-held maps (Halmstad) are told apart: they are bent.
+Prints Markdown.
 """
 
 from __future__ import annotations

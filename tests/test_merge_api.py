@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -378,3 +379,10 @@ def test_a_forked_process_merges_too(merged: MergeResult) -> None:
 def _merge_the_same(merged: MergeResult) -> None:
     again = mapmeld.merge(building(), seed=3, particles=40)
     assert without_seconds(again) == without_seconds(merged)
+
+
+def test_a_result_is_shown_in_a_line() -> None:
+    shown = repr(mapmeld.merge([*building(), hall()]))
+    assert re.fullmatch(
+        r"MergeResult\(4 maps: 3 merged, 1 no evidence; in 2 components, probability [01]\.\d{3}\)", shown
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,6 +192,14 @@ class MergeResult:
     def merged(self) -> OccupancyGrid | None:
         """The fused map of the largest component, in its frame; None when all maps are blank."""
         return self.components[0].merged
+
+    def __repr__(self) -> str:
+        count = Counter(m.status for m in self.maps)
+        statuses = ", ".join(f"{n} {status}" for status, n in count.items())
+        return (
+            f"MergeResult({len(self.maps)} maps: {statuses}; in {len(self.components)} components, "
+            f"probability {self.probability:.3f})"
+        )
 
     @property
     def merged_maps(self) -> tuple[OccupancyGrid, ...]:

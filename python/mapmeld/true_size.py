@@ -28,13 +28,13 @@ class WrongSize:
     def __str__(self) -> str:
         named = ", ".join(self.others[:3]) + (", ..." if len(self.others) > 3 else "")
         return (
-            f"map {self.name} would fit {named} better at {self.scale:.2f} times its size: the resolution of one "
-            "of them is another than stated, or its odometry is off; what is merged is as wrong as that"
+            f"map {self.name} would fit {named} better at {self.scale:.2f} times its size: the resolution of "
+            "one of them is another than stated, or its odometry is off; what is merged is as wrong as that"
         )
 
 
 def wrong_sizes(pairs: Sequence[Pair]) -> list[WrongSize]:
-    """The maps whose size most of the pairs that tell of it doubt, the most doubted first; of two the second."""
+    """Maps whose size most of the pairs that tell of it doubt, the most doubted first; of two the second."""
     told: dict[str, list[tuple[str, float, bool]]] = {}
     for p in pairs:
         if p.scale is None or p.scale_deviation is None:

@@ -20,13 +20,12 @@ from mapmeld.palette import map_colour
 from mapmeld.report_page.hypotheses import hypothesis_pictures
 from mapmeld.report_page.raster import FREE_BELOW, OCCUPIED_FROM
 from mapmeld.report_page.story import Layers, Story
-from mapmeld.report_page.views import View, views
+from mapmeld.report_page.views import STRENGTHS, View, views
 from mapmeld.report_raster import Layer, paint
 
 KINDS = ("png", "svg")
 _PIXELS, _SMALL_PIXELS = 900, 300
 _WIDTH, _DPI = 6.0, 200
-_CONFLICT = (0.84, 0.08, 0.16)
 _ENLARGED = 10
 """Ellipses are drawn so many times their size: a few centimetres would not be seen."""
 
@@ -70,13 +69,13 @@ def _figures(story: Story) -> Iterator[tuple[str, Any]]:
         assert layers is not None, "a view has a merged map"
         draw: dict[str, Callable[[Any], None]] = {
             "robots": partial(_robots, view=view, story=story),
-            "merged": partial(_cells, layers=layers, conflicts=None),
+            "merged": partial(_cells, layers=layers, strength=None),
             "provenance": partial(_provenance, view=view, layers=layers),
-            "conflicts": partial(_cells, layers=layers, conflicts=layers.conflicts),
+            "conflicts": partial(_cells, layers=layers, strength=view.strength),
             "uncertainty": partial(_uncertainty, view=view, layers=layers),
         }
         titles = {
-            "conflicts": "in red: occupied in one map, free in another",
+            "conflicts": "walls in free floor: pale at its rim, orange over 2 cells deep, red over 5",
             "uncertainty": f"95 % ellipses, drawn {_ENLARGED} times their size",
         }
         for what, draw_it in draw.items():
@@ -120,14 +119,15 @@ def _robots(axes: Any, view: View, story: Story) -> None:
     _numbers(axes, view)
 
 
-def _cells(axes: Any, layers: Layers, conflicts: NDArray[np.bool_] | None) -> None:
-    """The merged map; conflicts in red, as single cells."""
+def _cells(axes: Any, layers: Layers, strength: NDArray[np.uint8] | None) -> None:
+    """The merged map; conflicts by their strength, as single cells."""
     data = layers.merged.data
     rgb = np.ones((*data.shape, 3))
     rgb[(data >= 0) & (data <= FREE_BELOW)] = 0.93
-    rgb[data >= OCCUPIED_FROM] = 0.1 if conflicts is None else 0.55
-    if conflicts is not None:
-        rgb[conflicts] = _CONFLICT
+    rgb[data >= OCCUPIED_FROM] = 0.1 if strength is None else 0.55
+    if strength is not None:
+        for level, colour in enumerate(STRENGTHS, start=1):
+            rgb[strength == level] = np.array(colour[:3]) / 255
     _show(axes, layers, rgb)
 
 

@@ -25,7 +25,8 @@ _COLOURS = 20
 _FAR = 0.25
 """An origin farther outside its component than this share of the component's size is not walked to."""
 _WALL, _FLOOR = (38, 42, 48, 255), (255, 255, 255, 255)
-_STRENGTHS = [(240, 190, 60, 150), (226, 120, 0, 220), (214, 20, 40, 240)]
+STRENGTHS = [(240, 190, 60, 150), (226, 120, 0, 220), (214, 20, 40, 240)]
+"""Red, green, blue and opacity of conflicts, by strength, from 1."""
 _FEW_CONFLICTS = 0.02
 """Share of the walls up to which the strongest conflicts are drawn with their neighbours, to be seen."""
 NINETY_FIVE_PERCENT = math.sqrt(5.991)
@@ -65,7 +66,8 @@ class Member:
 class View:
     """A component of several maps.
 
-    deep_cells, amid_cells: of the conflicts, those that lie so. contradicting: share of each map's walls that
+    strength: of the conflict in each cell of the merged map, as in Contest; STRENGTHS are the colours of 1, 2
+    and 3. deep_cells, amid_cells: how many lie so. contradicting: share of each map's walls that
     lie amid the free floor of another, 0..1. box: what is seen. low: the pictures' lower left corner. size:
     of a number, metres. legs: of the virtual robot's way, in the order of the merge.
     """
@@ -80,6 +82,7 @@ class View:
     walls: Picture
     provenance: Picture
     conflicts: Picture
+    strength: NDArray[np.uint8]
     deep_cells: int
     amid_cells: int
     contradicting: Mapping[str, float]
@@ -125,6 +128,7 @@ def _view(k: int, component: Mapping[str, Any], layers: Layers, story: Story) ->
         walls=raster.picture((cells == 2).astype(np.uint8), pixel, [clear, _WALL]),
         provenance=_provenance(layers, component["order"], story, most, pixel),
         conflicts=_conflicts(layers, found.strength, most, pixel),
+        strength=found.strength,
         deep_cells=int((found.strength == DEEP).sum()),
         amid_cells=int((found.strength == AMID).sum()),
         contradicting=found.shares,
@@ -150,7 +154,7 @@ def _conflicts(layers: Layers, strength: NDArray[np.uint8], most: int, pixel: fl
     cells, amid = strength.copy(), strength == AMID
     if amid.sum() <= _FEW_CONFLICTS * (layers.merged.data >= raster.OCCUPIED_FROM).sum():
         cells[near_to(amid, 1)] = AMID
-    return raster.picture(raster.shrunk(cells, most), pixel, [raster.CLEAR, *_STRENGTHS])
+    return raster.picture(raster.shrunk(cells, most), pixel, [raster.CLEAR, *STRENGTHS])
 
 
 def _member(name: str, component: Mapping[str, Any], box: Box, story: Story) -> Member:

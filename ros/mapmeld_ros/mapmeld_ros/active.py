@@ -15,6 +15,7 @@ from rclpy.clock_type import ClockType
 
 from mapmeld import Estimate
 from mapmeld.grid_message import BadMessage
+from mapmeld.true_size import wrong_sizes
 from mapmeld_ros.discovery import MAP_TYPE, find_robots, in_namespace
 from mapmeld_ros.estimation import EstimationWorker
 from mapmeld_ros.known_poses import BadKnownPose
@@ -248,6 +249,9 @@ class Active:
                 self._log.warning(line.text)
             else:
                 self._log.info(line.text)
+        if estimate.result is not None:
+            for wrong in wrong_sizes(estimate.result.pairs):
+                self._warn(("size", wrong.name), str(wrong))
         self._merging.request()
 
     def _publish_estimate(self) -> None:

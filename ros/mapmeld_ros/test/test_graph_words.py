@@ -35,6 +35,16 @@ def recorded(data: Path, case: str) -> list[OccupancyGrid]:
     return [OccupancyGrid(g.data, g.resolution, g.origin, f"robot{k}") for k, g in enumerate(maps, start=1)]
 
 
+def test_a_map_of_another_size_raises_a_warning(graph: Graph, shared_data: Path) -> None:
+    node = graph.node()
+    fleet = graph.fleet()
+    first, second = recorded(shared_data, "seattle_ov50")
+    larger = OccupancyGrid(second.data, 1.04 * second.resolution, second.origin, second.name)
+    for grid in (first, larger):
+        graph.publish(fleet, grid)
+    wait_said(graph, node, "map robot2 would fit robot1 better at 0.96 times its size")
+
+
 def test_exact_poses_that_contradict_the_walls_raise_an_alarm(graph: Graph, shared_data: Path) -> None:
     said: list[DiagnosticArray] = []
     graph.ros.create_subscription(DiagnosticArray, "/diagnostics", said.append, 10)

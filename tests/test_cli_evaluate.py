@@ -111,4 +111,5 @@ def test_bad_input_is_one_line(case: Path) -> None:
     assert_refused(run_cli("evaluate", result, case / "none.json"), "none.json", "cannot be read")
     assert_refused(run_cli("evaluate", result, truth), "no map file", "left")
     assert_refused(run_cli("evaluate", case / "maps" / "left.yaml", truth), "left.yaml", "JSON")
-    assert_refused(run_cli("evaluate", truth, truth, "--maps", case / "maps"), "truth.json", "missing")
+    assert_refused(run_cli("evaluate", truth, result, "--maps", case / "maps"), "truth.json", "swapped")
+    assert_refused(run_cli("evaluate", case / "out", truth), "out", "folder")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import io
 import json
 import os
 import re
@@ -14,9 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import mapmeld
 from mapmeld import OccupancyGrid, read_map
+from mapmeld.merge_view import summary_table
 from mapmeld.metrics import evaluate_files
 from rooms import assert_refused, blank, building, hall, run_cli, save
 from test_merge_api import SLOW_MERGE
@@ -114,6 +118,11 @@ def test_json_into_a_file(tmp_path: Path) -> None:
     assert_refused(run_cli(*to, "--json", tmp_path / "no" / "r.json"), "--json", "no file")
     assert_refused(run_cli(*to, "--json", paths[0]), "--json", "one of the maps")
     assert not (tmp_path / "out2").exists()
+
+
+def test_an_order_that_names_nothing(tmp_path: Path) -> None:
+    paths = save(tmp_path / "maps", building())
+    assert_refused(run_cli("merge", *paths, "-o", tmp_path / "out", "--order", " , "), "--order", "no map")
 
 
 def test_quiet_and_verbose(tmp_path: Path) -> None:
@@ -326,3 +335,16 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path: Path) -> None:
     assert err.startswith("mapmeld: interrupted")
     assert "Traceback" not in err
     assert set(os.listdir(tmp_path)) == before
+
+
+def test_no_minus_stands_before_what_rounds_to_zero() -> None:
+    result = mapmeld.merge(building(), seed=1)
+    placed = [
+        dataclasses.replace(m, T_component_map=np.array([-1e-4, -0.0, -1e-5])) if m.name == "left" else m
+        for m in result.maps
+    ]
+    console = Console(file=io.StringIO(), width=200)
+    console.print(summary_table(dataclasses.replace(result, maps=tuple(placed))))
+    shown = console.file.getvalue()
+    row = next(line for line in shown.splitlines() if line.startswith("left"))
+    assert row.split()[2:5] == ["0.000", "0.000", "0.00"]

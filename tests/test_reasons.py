@@ -10,7 +10,7 @@ import pytest
 import mapmeld
 from mapmeld.grid import UNKNOWN, OccupancyGrid
 from mapmeld.reasons import reason
-from mapmeld.result import Hypothesis, HypothesisMap, MergeResult
+from mapmeld.result import Hypothesis, HypothesisMap, MergeResult, Mode, Pair
 from rooms import building, hall, two_way_room
 
 
@@ -94,3 +94,39 @@ def test_what_holds_a_map_is_named_wherever_its_frame_lies() -> None:
     assert all(
         status == "merged" and re.match(r"held by (left|away|right)", text) for status, text in told
     ), told
+
+
+def told_apart(
+    log_likelihood: float, mirrored: float, elsewhere: float | None, status: str = "no evidence"
+) -> str:
+    """The reason of map b, whose only pair reaches so much, as its mirror image, and at another place."""
+    T, C = np.zeros(3), np.eye(3)
+    none = ("log_odds", "misses", "opposed", "conflicts", "straight_conflicts", "bending")
+    some = {
+        "hits": 30.0,
+        "shared_floor": 20.0,
+        "agreement": 0.9,
+        "shared_length": 9.0,
+        "second_direction": 12.0,
+    }
+    numbers = dict.fromkeys(none, 0.0) | some
+    places = [(T, log_likelihood)] + ([] if elsewhere is None else [(np.array([9.0, 0.0, 0.0]), elsewhere)])
+    modes = tuple(
+        Mode(T_a_b=t, covariance=C, log_likelihood=reached, source="corners", **numbers)
+        for t, reached in places
+    )
+    pair = Pair("a", "b", 9, status, 0.9, mirrored, None, None, modes)
+    return reason("b", "no evidence", {"b": T}, [pair], [], {"a": (0.0, 0.0), "b": (0.0, 0.0)})
+
+
+def test_what_comes_near_a_match_is_named() -> None:
+    assert told_apart(50.0, 40.0, None).endswith(", and its mirror image fits 80 % as well")
+    assert told_apart(50.0, 10.0, 30.0).endswith(", and another place fits 60 % as well")
+    assert told_apart(50.0, 60.0, 30.0).endswith(", and its mirror image fits better")
+    assert told_apart(50.0, 10.0, 20.0).endswith("m of wall in common")
+
+
+def test_a_map_whose_sure_matches_contradict_each_other_says_so() -> None:
+    assert told_apart(50.0, 0.0, None, "merged").startswith(
+        "alone it would merge with a (0.90), but not in one place"
+    )

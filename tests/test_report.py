@@ -13,6 +13,7 @@ from PIL import Image
 import mapmeld
 from mapmeld.grid import OccupancyGrid
 from mapmeld.palette import map_colour
+from mapmeld.picture import Picture
 from mapmeld.picture_axes import Axes, ticks
 from mapmeld.report import draw_report
 from mapmeld.report_raster import Layer, paint
@@ -146,3 +147,27 @@ def test_axes_take_metres_to_the_rows_of_a_picture() -> None:
     assert axes.box == pytest.approx((100.0, 50.0, 600.0, 300.0))
     assert axes.at(-2.0, 1.0) == pytest.approx((100.0, 300.0))
     assert axes.at(3.0, 6.0) == pytest.approx((350.0, 50.0))
+
+
+def test_what_a_stranger_cannot_know_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    text = Picture.text
+    monkeypatch.setattr(
+        Picture, "text", lambda self, at, t, *rest, **more: said.append(t) or text(self, at, t, *rest, **more)
+    )
+    near = building()
+    draw_report(tmp_path / "near.png", mapmeld.merge(near, seed=1), near)
+    assert any("origins of the maps' frames" in t for t in said)
+    assert not any("arrow" in t for t in said)
+    far = [OccupancyGrid(g.data, g.resolution, (g.origin[0] + 500.0, *g.origin[1:]), g.name) for g in near]
+    draw_report(tmp_path / "far.png", mapmeld.merge(far, seed=1), far)
+    assert any("an arrow leads" in t for t in said)
+
+
+def test_a_wide_component_beside_others_makes_a_low_picture(tmp_path: Path) -> None:
+    wide = [view(n, x, (0.0, 0.0, 0.0)) for n, x in (("w1", (-0.5, 9.0)), ("w2", (3.0, 15.0)))]
+    result = mapmeld.merge([*wide, hall()], seed=1)
+    assert len(result.merged_maps) == 2
+    draw_report(tmp_path / "r.png", result, [*wide, hall()])
+    with Image.open(tmp_path / "r.png") as picture:
+        assert picture.height < 0.7 * picture.width

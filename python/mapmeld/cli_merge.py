@@ -194,6 +194,8 @@ def merge(
     options = overlay(base, gather_options(config, settings or [], flags))
     known = cli_known.gather_known(saved_session, prior, pin, points, forbid)
     names = None if order is None else [name.strip() for name in order.split(",") if name.strip()]
+    if names == []:
+        raise MapmeldError("--order: names no map; write a,b,c")
     if json is not None and str(json) != "-":
         _check_json(json, maps)
 

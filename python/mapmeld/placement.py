@@ -36,6 +36,8 @@ def parse_placements(result: Mapping[str, Any], label: str = "result") -> dict[s
         name = json_fields.string(item, "name", where)
         if name in placements:
             raise MapmeldError(f"{where}: map name {name!r} is given twice")
+        if "T_world_map" in item and "T_component_map" not in item:
+            raise MapmeldError(f"{label}: is the truth of a case and no result; are the two swapped?")
         json_fields.required(item, "T_component_map", where)
         T = json_fields.optional_pose(item, "T_component_map", where)
         component = json_fields.required(item, "component", where)

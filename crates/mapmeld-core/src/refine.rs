@@ -6,18 +6,18 @@
 //! Gauss-Newton for all poses at once. Poses that are held stay where they are.
 
 mod edge;
+mod overlap;
 
 use crate::config::Config;
 use crate::local_map::LocalMap;
 use crate::parallel;
-use crate::perception::likelihood;
 use crate::registration::climb::LEVER;
 use crate::result::Known;
 use crate::se2::{self, Se2, Vec2};
 use crate::sparse::{Blocks, Factor};
-use crate::vicinity;
 use edge::Edge;
 use nalgebra::{DVector, Matrix3, Matrix6, Vector3};
+use overlap::overlapping;
 
 /// Smallest standard deviation of a wall's distance, cells: that of rounding to cells in both maps.
 const FINEST: f64 = 0.41;
@@ -164,47 +164,6 @@ fn moved_by(map: &LocalMap, t_w_map: &Se2, d: &Vector3<f64>) -> Se2 {
 fn arms(maps: &[LocalMap], members: &[usize], poses: &[Se2]) -> Vec<Vec2> {
     let arm = |(m, t): (&usize, &Se2)| t.translation() - edge::center(&maps[*m], t);
     members.iter().zip(poses).map(arm).collect()
-}
-
-/// Samples of each map that tell whether two overlap.
-const OVERLAP_SAMPLES: usize = 256;
-
-/// Pairs of members whose walls agree at the given poses, and of those that nothing joins to the others the pairs whose
-/// walls agree most: what put a bent map where it lies may not be seen once it is rigid.
-fn overlapping(
-    maps: &[LocalMap],
-    members: &[usize],
-    poses: &[Se2],
-    known: &Known,
-    config: &Config,
-) -> Vec<(usize, usize)> {
-    let near = vicinity::pairs(maps, members, poses).into_iter();
-    let all: Vec<(usize, usize)> =
-        near.filter(|(i, j)| !known.is_forbidden(members[*i], members[*j])).collect();
-    let perception = config.perception.rigid();
-    let evidence = parallel::map(&all, |(i, j)| {
-        let (a, b) = (&maps[members[*i]], &maps[members[*j]]);
-        let t_a_b = poses[*i].between(&poses[*j]);
-        likelihood::pair(a, b, &t_a_b, OVERLAP_SAMPLES, &perception)
-    });
-    // The likeliest first; of equals the first.
-    let mut order: Vec<usize> = (0..all.len()).filter(|k| evidence[*k].hits >= 2.0).collect();
-    let likelihood = |k: &usize| evidence[*k].log_likelihood;
-    order.sort_by(|x, y| likelihood(y).total_cmp(&likelihood(x)));
-    let mut group: Vec<usize> = (0..members.len()).collect();
-    let mut is_kept = vec![false; all.len()];
-    for k in order {
-        let (i, j) = all[k];
-        let joins = group[i] != group[j];
-        // Where a map was told to lie, walls need not agree.
-        let is_told = || [i, j].iter().any(|m| known.is_told(members[*m]));
-        is_kept[k] = likelihood(&k) > 0.0 || joins && !is_told();
-        if is_kept[k] && joins {
-            let (from, to) = (group[j], group[i]);
-            group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
-        }
-    }
-    all.into_iter().zip(is_kept).filter(|(_, k)| *k).map(|(e, _)| e).collect()
 }
 
 /// Information and gradient of all poses: of the edges, summed in their order. Some poses are held.

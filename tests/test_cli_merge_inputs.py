@@ -144,8 +144,10 @@ def test_what_a_folder_holds_besides_is_told_or_refused(tmp_path: Path) -> None:
     (left, *_) = save(folder, building())
     (folder / "params.yaml").write_text("amcl: {}\n")
     (folder / ".hidden.yaml").write_text("image: none.pgm\n")
+    (folder / "deploy.yaml").write_text("a: 1\n---\nspec:\n  image_topic: nginx\n")
     (folder / "latest.yaml").symlink_to(left)
     assert run_cli("merge", folder, "-o", folder, "--force", "-q")[0] == 0
+    (folder / "newest.yaml").symlink_to(folder / "merged.yaml")
     code, out, _ = run_cli("merge", folder, "-o", tmp_path / "out", "-v")
     assert code == 0
     assert names(tmp_path / "out") == ["left", "middle", "right"]
@@ -184,3 +186,15 @@ def test_a_folder_that_is_closed_is_one_line(tmp_path: Path) -> None:
         assert_refused(run_cli("merge", tmp_path / "maps", "-o", tmp_path / "out"), "maps", "who may read")
     finally:
         (tmp_path / "maps").chmod(0o755)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
+def test_pipes_and_links_in_circles_are_one_line(tmp_path: Path) -> None:
+    save(tmp_path / "maps", building())
+    os.mkfifo(tmp_path / "maps" / "pipe.yaml")
+    to = ("merge", tmp_path / "maps", "-o", tmp_path / "out")
+    assert_refused(run_cli(*to), "pipe.yaml", "regular file")
+    (tmp_path / "maps" / "pipe.yaml").unlink()
+    (tmp_path / "maps" / "loop.yaml").symlink_to("loop.yaml")
+    assert_refused(run_cli(*to), "loop.yaml")
+    assert_refused(run_cli("merge", tmp_path / "maps" / "loop.yaml", "-o", tmp_path / "out"), "loop.yaml")

@@ -52,6 +52,29 @@ def test_who_is_doubted_most_is_told_of_alone() -> None:
     assert wrong.scale == pytest.approx(1.05, abs=0.005)
 
 
+def test_who_all_others_doubt_comes_before_who_is_doubted_by_it() -> None:
+    (wrong,) = wrong_sizes([pair("a", "b", 1.05), pair("b", "c", 1.0)])
+    assert (wrong.name, wrong.others) == ("a", ("b",))
+    assert wrong.scale == pytest.approx(1 / 1.05)
+
+
+def test_two_wrong_ones_beside_one_that_most_find_right() -> None:
+    right = [pair("b", o, 1.0) for o in "efg"]
+    found = wrong_sizes([pair("b", "c", 0.95), pair("b", "d", 0.95), *right])
+    assert {w.name for w in found} == {"c", "d"}
+
+
+def test_only_those_that_agree_are_named() -> None:
+    (wrong,) = wrong_sizes([pair("a", "b", 1.05), pair("c", "b", 1.05), pair("d", "b", 0.95)])
+    assert (wrong.name, wrong.others) == ("b", ("a", "c"))
+
+
+def test_it_is_no_matter_which_map_is_given_first() -> None:
+    for scale, deviation in ((0.9, 0.0332), (0.96, 0.013), (1.04, 0.0134)):
+        turned = pair("b", "a", 1 / scale, deviation / scale**2)
+        assert bool(wrong_sizes([pair("a", "b", scale, deviation)])) == bool(wrong_sizes([turned]))
+
+
 def test_of_two_maps_the_second_is_told_of() -> None:
     (wrong,) = wrong_sizes([pair("a", "b", 0.95)])
     assert (wrong.name, wrong.others) == ("b", ("a",))

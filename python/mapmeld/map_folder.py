@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -33,7 +34,8 @@ def _opened(path: Path, notes: list[str]) -> list[Path]:
     if not path.is_dir():
         return [path]
     inside = sorted(f for f in path.iterdir() if not f.name.startswith(".") and not f.is_dir())
-    maps = _maps(path, inside, notes)
+    passed_over: list[str] = []
+    maps = _maps(path, inside, passed_over)
     bags = [path] if is_bag(path) else [f for f in inside if is_bag(f)]
     if maps and bags:
         raise MapFileError(
@@ -41,6 +43,7 @@ def _opened(path: Path, notes: list[str]) -> list[Path]:
         )
     if bags:
         return bags
+    notes += passed_over
     if not maps:
         deeper = sorted({f.parent.name for f in path.glob("*/*") if f.suffix.lower() in YAML_SUFFIXES})
         hint = (
@@ -58,16 +61,18 @@ def _opened(path: Path, notes: list[str]) -> list[Path]:
 
 def _maps(folder: Path, inside: Sequence[Path], notes: list[str]) -> list[Path]:
     earlier = earlier_output(folder)
-    maps: dict[Path, Path] = {}
+    home = os.path.realpath(folder)
+    maps: dict[str, Path] = {}
     for file in inside:
         if file.suffix.lower() not in YAML_SUFFIXES:
             continue
-        if file.name in earlier:
+        # Not Path.resolve, which raises for links that lead in circles.
+        real = os.path.realpath(file)
+        if os.path.dirname(real) == home and os.path.basename(real) in earlier:
             notes.append(f"{file}: an earlier merge wrote it; it is passed over")
         elif not is_saved_map(file):
             notes.append(f"{file}: is no saved map; it is passed over")
-        else:
+        elif real not in maps or maps[real].is_symlink() and not file.is_symlink():
             # The file itself before a link to it.
-            real = file.resolve()
-            maps[real] = file if real not in maps or maps[real].is_symlink() else maps[real]
+            maps[real] = file
     return sorted(maps.values())

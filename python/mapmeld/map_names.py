@@ -16,11 +16,13 @@ def saved_names(paths: Sequence[Path]) -> dict[Path, str]:
 
     Raises MapmeldError for a path that is given twice, and for two that only their suffixes tell apart.
     """
-    by_file: dict[Path, Path] = {}
+    by_file: dict[str, Path] = {}
     for path in paths:
-        same = by_file.setdefault(path.resolve(), path)
-        if same is not path:
-            raise MapmeldError(f"{path}: is given twice (as {same}); give every map once")
+        # Not Path.resolve, which raises for links that lead in circles.
+        real = os.path.realpath(path)
+        if real in by_file:
+            raise MapmeldError(f"{path}: is given twice (as {by_file[real]}); give every map once")
+        by_file[real] = path
     parts = {path: _parts(path) for path in paths}
     depth = dict.fromkeys(paths, 1)
     while True:

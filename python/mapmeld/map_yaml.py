@@ -25,7 +25,7 @@ _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free
 # A map's yaml takes a few hundred bytes. What is far larger is another file, and not worth parsing.
 _MAX_YAML_BYTES = 1 << 16
 _IMAGE_SUFFIXES = (".pgm", ".png", ".bmp")
-_NAMES_IMAGE = re.compile(rb"""\bimage["']?\s*:""")
+_NAMES_IMAGE = re.compile(rb"""^[^\w\n]*image["']?\s*:""", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,10 @@ def is_saved_map(path: Path) -> bool:
     try:
         fields = _load_mapping(path)
     except MapFileError:
-        # Broken, or out of reach: whoever reads it as a map says what is wrong.
-        with contextlib.suppress(OSError):
-            return _NAMES_IMAGE.search(path.read_bytes()[:_MAX_YAML_BYTES]) is not None
+        # Broken, or out of reach: whoever reads it as a map says what is wrong. A pipe would never end.
+        if path.is_file():
+            with contextlib.suppress(OSError), path.open("rb") as file:
+                return _NAMES_IMAGE.search(file.read(_MAX_YAML_BYTES)) is not None
         return True
     return "image" in fields or {"resolution", "origin"} <= fields.keys()
 

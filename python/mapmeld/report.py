@@ -32,6 +32,10 @@ _MOST_KNOWN = 8
 """Lines about what was known; the rest is in result.json."""
 _LINE = 17
 """Height of a line of the legend, pixels."""
+_TITLE = 16
+"""Of a large panel's title, pixels."""
+_MOST_TITLE = 4
+"""Lines of it; of a longer order the beginning and the end are told."""
 _SMALL_PRINT = 12
 
 
@@ -63,7 +67,7 @@ def draw_report(path: str | Path, result: MergeResult, maps: Sequence[OccupancyG
     notes = [*_known_lines(result), *_explained(panels)]
     rows = math.ceil(len(result.maps) / _legend_columns(result))
     below = _LINE * (rows + len(notes)) + 24
-    above = _height(panels)
+    above = _height(panels, result)
     picture = Picture(_WIDTH, above + below)
     for panel, box in zip(panels, _boxes(panels, above), strict=True):
         _draw_panel(picture, box, panel, result, maps)
@@ -107,7 +111,7 @@ def _panel(
     return _Panel(k, merged, members, origins, near, view, pad, is_large)
 
 
-def _height(panels: list[_Panel]) -> int:
+def _height(panels: list[_Panel], result: MergeResult) -> int:
     """Of all panels together, pixels: a lone panel's shape decides, within reason."""
     if not panels:
         return 160
@@ -116,7 +120,8 @@ def _height(panels: list[_Panel]) -> int:
         small = len(panels) - 1
         height = (_main_width(small) - 90) * (top - bottom) / (right - left)
         if not small:
-            return round(min(max(height, 275), 1200)) + 100
+            title = _title(panels[0], result, _TITLE, _WIDTH - 20)
+            return round(min(max(height, 275), 1200) + 1.3 * _TITLE * (len(title) - 1)) + 100
         # The small ones at its side take a fifth of the picture's width each, one below the other.
         return round(min(max(height + 100, 0.2 * _WIDTH * min(small, 4), 275), 0.9 * _WIDTH))
     columns = _columns(len(panels))
@@ -160,7 +165,7 @@ def _boxes(panels: list[_Panel], height: int) -> list[Box]:
 def _draw_panel(
     picture: Picture, box: Box, panel: _Panel, result: MergeResult, maps: Sequence[OccupancyGrid]
 ) -> None:
-    size, title_size = (12, 16) if panel.is_large else (10, 11)
+    size, title_size = (12, _TITLE) if panel.is_large else (10, 11)
     title = _title(panel, result, title_size, box[2] - box[0] - 20)
     top = box[1] + 10 + 1.3 * title_size * len(title)
     room = (70, 45) if panel.is_large else (38, 24)
@@ -187,6 +192,8 @@ def _title(panel: _Panel, result: MergeResult, size: int, width: float) -> list[
     else:
         text = f"merge order {_ARROW.join(str(i) for i in panel.members)}"
     lines = textwrap.wrap(text, max(12, int(width / text_width("0", size))))
+    if len(lines) > _MOST_TITLE:
+        lines = [*lines[: _MOST_TITLE - 2], "...", lines[-1]]
     if len(result.components) > 1:
         lines.insert(0, f"component {panel.component}")
     return lines

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from mapmeld.result import Pair
@@ -34,29 +33,43 @@ class WrongSize:
 
 
 def wrong_sizes(pairs: Sequence[Pair]) -> list[WrongSize]:
-    """Maps whose size most of the pairs that tell of it doubt, the most doubted first; of two the second."""
-    told: dict[str, list[tuple[str, float, bool]]] = {}
+    """Maps that most of the pairs that tell of their size would have larger, or smaller, the most doubted first.
+
+    Of two maps the second: what is given first is most often what the rest is held against.
+    """
+    told: dict[str, list[_Word]] = {}
     for p in pairs:
         if p.scale is None or p.scale_deviation is None:
             continue
-        change = math.log(p.scale)
-        doubts = abs(change) > LEAST and abs(change) > _SURE * p.scale_deviation
-        told.setdefault(p.a, []).append((p.b, -change, doubts))
-        told.setdefault(p.b, []).append((p.a, change, doubts))
-    found: list[WrongSize] = []
+        change, deviation = math.log(p.scale), p.scale_deviation / p.scale
+        doubts = abs(change) > LEAST and abs(change) > _SURE * deviation
+        told.setdefault(p.a, []).append(_Word(p.b, -change, doubts))
+        told.setdefault(p.b, []).append(_Word(p.a, change, doubts))
+    found: dict[str, WrongSize] = {}
     while True:
-        named = {w.name for w in found}
-        doubted = Counter(
-            name for name, of in told.items() for o, _, doubts in of if doubts and not {name, o} & named
-        )
-        # The last of equals: what is given first is most often what the rest is held against.
-        name = max(reversed(doubted), key=lambda n: doubted[n], default=None)
-        if name is None:
-            return found
-        change = statistics.median(c for _, c, _ in told[name])
-        if abs(change) < LEAST or 2 * doubted[name] < len(told[name]):
-            # Bent rather than of another size.
-            told = {n: [(o, c, d and name not in (n, o)) for o, c, d in of] for n, of in told.items()}
-            continue
-        others = tuple(o for o, _, doubts in told[name] if doubts)
-        found.append(WrongSize(name, math.exp(change), others))
+        doubted = {name: _agreeing(of, found) for name, of in told.items() if name not in found}
+        most = {name: words for name, words in doubted.items() if 2 * len(words) > len(told[name])}
+        if not most:
+            return list(found.values())
+        # The last of equals.
+        name = max(reversed(most), key=lambda n: (len(most[n]), len(most[n]) / len(told[n])))
+        change = statistics.median(w.change for w in most[name])
+        found[name] = WrongSize(name, math.exp(change), tuple(w.other for w in most[name]))
+
+
+@dataclass(frozen=True)
+class _Word:
+    """What a pair says of the size of one of its maps. change: of the logarithm of its size, seen from the
+    other; doubts: whether that is too much to be chance."""
+
+    other: str
+    change: float
+    doubts: bool
+
+
+def _agreeing(words: Sequence[_Word], explained: Collection[str]) -> list[_Word]:
+    """Those that doubt a size and agree whether it is too small or too large; others that are of a wrong size
+    themselves say nothing."""
+    doubting = [w for w in words if w.doubts and w.other not in explained]
+    larger, smaller = ([w for w in doubting if w.change * sign > 0] for sign in (1, -1))
+    return max(larger, smaller, key=len)

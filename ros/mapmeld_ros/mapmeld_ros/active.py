@@ -55,6 +55,8 @@ class Active:
         self._node, self._session, self._publishing = node, session, publishing
         self._log = node.get_logger()
         self._throttle = Throttle()
+        # Of maps that are told to be of a wrong size, by name.
+        self._sizes: dict[str, float] = {}
         self._listeners: dict[str, RobotListener] = {}
         self._tree = Tree(node, session, publishing, lambda robot, said: self._warn((robot, "tf"), said))
         self._news = News()
@@ -250,8 +252,11 @@ class Active:
             else:
                 self._log.info(line.text)
         if estimate.result is not None:
-            for wrong in wrong_sizes(estimate.result.pairs):
-                self._warn(("size", wrong.name), str(wrong))
+            wrong = wrong_sizes(estimate.result.pairs)
+            for w in wrong:
+                if self._sizes.get(w.name) != round(w.scale, 2):
+                    self._log.warning(str(w))
+            self._sizes = {w.name: round(w.scale, 2) for w in wrong}
         self._merging.request()
 
     def _publish_estimate(self) -> None:

@@ -21,7 +21,7 @@ const MOST: f64 = 0.25;
 /// How many times as large one of two maps would fit best.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stretch {
-    /// Times that map b would have to be as large, about the middle of its walls.
+    /// Times that map b would have to be as large, about the middle of what it knows.
     pub scale: f64,
     /// Its standard deviation, from the curvature there.
     pub deviation: f64,
@@ -47,7 +47,7 @@ pub fn of(
     let t = axes_of(&a.grid, &b.grid, t_a_b);
     let (mut center, mut theta, mut scale) = (t.apply(middle), t.theta, 1.0f64);
     let mut kernel = (0.5 * a.reach()).max(finest);
-    let mut information = Matrix4::zeros();
+    let (mut information, mut is_still) = (Matrix4::zeros(), false);
     for _ in 0..STEPS {
         let (h, g) = normal_equations(a, b, (center, middle), theta, scale, kernel);
         let damping = Matrix4::from_diagonal(&h.diagonal()) * 1e-3;
@@ -62,6 +62,7 @@ pub fn of(
         if kernel > finest {
             kernel = (0.7 * kernel).max(finest);
         } else if step[3].abs() < STILL {
+            is_still = true;
             break;
         }
     }
@@ -70,7 +71,8 @@ pub fn of(
     // What walls leave open stays finite: 10 m, 1 radian, a quarter of the size.
     let prior = Matrix4::from_diagonal(&Vector4::new(0.01, 0.01, 1.0, 1.0 / (MOST * MOST)));
     let covariance = (discount / (finest * finest) * information + prior).try_inverse()?;
-    Some(Stretch { scale, deviation: covariance[(3, 3)].sqrt() })
+    // The unknown is the logarithm of the size.
+    is_still.then(|| Stretch { scale, deviation: scale * covariance[(3, 3)].sqrt() })
 }
 
 /// Of a step of b's middle, its heading and the logarithm of its size.

@@ -72,7 +72,7 @@ def _maps(folder: Path, inside: Sequence[Path], notes: list[str]) -> list[Path]:
             notes.append(f"{file}: an earlier merge wrote it; it is passed over")
         elif not is_saved_map(file):
             notes.append(f"{file}: is no saved map; it is passed over")
-        elif real not in maps or maps[real].is_symlink() and not file.is_symlink():
+        elif real not in maps or (maps[real].is_symlink() and not file.is_symlink()):
             # The file itself before a link to it.
             maps[real] = file
     return sorted(maps.values())

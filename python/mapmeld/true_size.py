@@ -33,7 +33,7 @@ class WrongSize:
 
 
 def wrong_sizes(pairs: Sequence[Pair]) -> list[WrongSize]:
-    """Maps that most of the pairs that tell of their size would have larger, or smaller, the most doubted first.
+    """Maps that most of the pairs that tell of their size would have larger, or smaller, most doubted first.
 
     Of two maps the second: what is given first is most often what the rest is held against.
     """

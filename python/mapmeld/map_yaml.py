@@ -13,7 +13,7 @@ from typing import Any, Literal, NoReturn
 import yaml
 
 from mapmeld.errors import MapFileError
-from mapmeld.yaml_loader import Loader
+from mapmeld.yaml_loader import open_loader
 
 MapMode = Literal["trinary", "scale", "raw"]
 """How pixels become cells; see read_map."""
@@ -132,7 +132,7 @@ def _load_mapping(path: Path) -> dict[str, Any]:
         _fail(path, "is not UTF-8 text; pass the map's yaml file, not its image")
 
     try:
-        loader = Loader(text)
+        loader = open_loader(text)
         node = loader.get_single_node()
         if not isinstance(node, yaml.MappingNode):
             _fail(path, "is not a yaml mapping; it must hold lines such as 'resolution: 0.05'")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
 
 from mapmeld.palette import RGB
 
@@ -86,9 +86,7 @@ class Picture:
     def png(self) -> bytes:
         """The picture as a PNG file."""
         data = io.BytesIO()
-        # Pillow loads the code of one format where a name tells it, of five where `format` does.
-        data.name = "picture.png"
-        self._image.save(data, compress_level=3)
+        self._image.save(data, PngImagePlugin.PngImageFile.format, compress_level=3)
         return data.getvalue()
 
 

@@ -81,8 +81,12 @@ def _lines(seen: MapFeatures) -> list[str]:
     return [
         f"{seen.name}: {width} x {height} cells of {seen.resolution:g} m "
         f"({seen.extent[0]:.2f} x {seen.extent[1]:.2f} m)",
-        f"cells: {seen.free} free, {seen.occupied} occupied, {seen.unknown} unknown",
+        f"cells: {seen.free} free, {seen.occupied} occupied, {seen.unknown} unknown{_specks(seen)}",
         f"boundary points: {len(seen.boundary.position)}",
         f"lines: {len(seen.lines.start)}",
         f"corners: {len(corners)} ({inner} inner, {len(corners) - inner} outer)",
     ]
+
+
+def _specks(seen: MapFeatures) -> str:
+    return f"; {seen.specks} of the others are specks, and taken for free floor" if seen.specks else ""

@@ -55,8 +55,9 @@ class Corners:
 
 @dataclass(frozen=True, eq=False)
 class MapFeatures:
-    """What the merge sees in one map. free, occupied, unknown: numbers of cells. extent: width and height of
-    the grid in metres."""
+    """What the merge sees in one map. free, occupied, unknown: numbers of cells as the map has them.
+    specks: how many of the others are taken for free, 0 where the map has few of them: unknown cells amid the
+    floor and along walls, occupied ones that stand alone. extent: width and height of the grid in metres."""
 
     name: str
     resolution: float
@@ -65,6 +66,7 @@ class MapFeatures:
     free: int
     occupied: int
     unknown: int
+    specks: int
     boundary: Boundary
     lines: Lines
     corners: Corners
@@ -78,6 +80,7 @@ class MapFeatures:
             "width": self.shape[1],
             "extent_m": list(self.extent),
             "cells": {"free": self.free, "occupied": self.occupied, "unknown": self.unknown},
+            "specks": self.specks,
             "boundary_points": len(self.boundary.position),
             "lines": _rows(start=self.lines.start, end=self.lines.end, normal=self.lines.normal),
             "corners": _rows(
@@ -108,6 +111,7 @@ def features(grid: OccupancyGrid, config: Mapping[str, Any] | None = None) -> Ma
         free=free,
         occupied=occupied,
         unknown=unknown,
+        specks=seen.specks(),
         boundary=Boundary(**seen.boundary()),
         lines=Lines(**seen.lines()),
         corners=Corners(

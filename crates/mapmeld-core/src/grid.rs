@@ -94,7 +94,12 @@ impl OccupancyGrid {
 
     /// The mirror image, in the same place: columns turned over.
     pub fn mirrored(&self) -> Self {
-        let cells = turned_over(&self.cells, self.width);
+        self.with_cells(turned_over(&self.cells, self.width))
+    }
+
+    /// The same map with other values, as many and each a valid one.
+    pub(crate) fn with_cells(&self, cells: Vec<i8>) -> Self {
+        debug_assert_eq!(cells.len(), self.cells.len());
         Self { name: self.name.clone(), cells, ..*self }
     }
 

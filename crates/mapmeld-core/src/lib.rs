@@ -59,6 +59,7 @@ pub mod se2;
 pub mod session;
 pub mod snap;
 pub mod sparse;
+mod specks;
 pub mod standing;
 pub mod stored;
 mod strays;

@@ -18,6 +18,7 @@ use crate::likelihood_field::{LikelihoodField, ProbeView};
 use crate::probe::{self, Axes, Probe};
 use crate::registration::{coarse_table::CoarseTable, correlation};
 use crate::se2::Vec2;
+use crate::specks;
 use crate::structure::{corners, lines, Corner, Line};
 use rustc_hash::FxHashSet;
 use std::sync::OnceLock;
@@ -83,6 +84,8 @@ pub struct LocalMap {
     pub straight_share: f64,
     /// Distance between neighbouring wall samples, metres.
     pub spacing: f64,
+    /// Cells that all of this takes for free and the map does not, see [`specks`](crate::specks).
+    pub specks: usize,
     /// Mean of the known cells' centres; none for a blank map.
     pub center: Option<Vec2>,
     /// What other maps' walls mean in each cell.
@@ -110,15 +113,17 @@ const MAX_BOUNDARY: usize = 65_000;
 impl LocalMap {
     /// Prepares a map.
     pub fn new(grid: OccupancyGrid, config: &Config) -> Self {
-        let (mut boundary, mut index) = boundary::extract(&grid);
-        let mut lines = lines::fit(&grid, (&boundary, &index), &config.structure);
+        let cleaned = specks::without(&grid);
+        let seen = cleaned.as_ref().unwrap_or(&grid);
+        let (mut boundary, mut index) = boundary::extract(seen);
+        let mut lines = lines::fit(seen, (&boundary, &index), &config.structure);
         // A line knows the direction of its wall better than the steps of its cells do.
         for line in &lines {
             line.points.iter().for_each(|k| boundary[*k as usize].normal = line.normal);
         }
-        let mut corners = corners::find(&grid, &lines, &config.structure);
+        let mut corners = corners::find(seen, &lines, &config.structure);
         corners.truncate(config.registration.max_corners);
-        let samples = sample_walls(&grid, &boundary, &lines, config);
+        let samples = sample_walls(seen, &boundary, &lines, config);
         let probes = probe::probes(&grid, &samples);
         let wall_length = boundary.len() as f64 * grid.resolution();
         let long = lines.iter().map(Line::length).filter(|l| *l >= STRAIGHT).sum::<f64>();
@@ -135,11 +140,12 @@ impl LocalMap {
         let reach_cells =
             ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, MAX_REACH);
         let field = LikelihoodField::new(&grid, &boundary, &index, reach_cells);
-        let ground = Ground::new(&grid, &config.perception);
+        let ground = Ground::new(seen, &config.perception);
         Self {
             wall_length,
             straight_share: (long / wall_length.max(1e-9)).min(1.0),
             spacing: config.perception.sample_spacing.max(grid.resolution()),
+            specks: seen.cells().iter().zip(grid.cells()).filter(|(a, b)| a != b).count(),
             center: grid.known_center(),
             coarse: CoarseTable::new(&grid, &boundary, &field, &ground),
             floor: Floor::new(&grid, &ground),

@@ -112,6 +112,11 @@ impl LocalMap {
         let g = &self.inner.grid;
         (g.count(Class::Free), g.count(Class::Occupied), g.count(Class::Unknown))
     }
+
+    /// Cells that are taken for free floor since the map is full of specks.
+    fn specks(&self) -> usize {
+        self.inner.specks
+    }
 }
 
 pub fn evidence<'py>(

@@ -198,3 +198,19 @@ def test_pipes_and_links_in_circles_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "maps" / "loop.yaml").symlink_to("loop.yaml")
     assert_refused(run_cli(*to), "loop.yaml")
     assert_refused(run_cli("merge", tmp_path / "maps" / "loop.yaml", "-o", tmp_path / "out"), "loop.yaml")
+
+
+def test_maps_that_lack_a_class_of_cells_are_told(tmp_path: Path) -> None:
+    left, middle, _ = building()
+    values = {"bare": (-1, 100, -1), "open": (-1, 0, 0), "full": (0, 100, 0)}
+    changed = []
+    for name, (unknown, occupied, free) in values.items():
+        cells = np.select([left.data < 0, left.data >= 65], [unknown, occupied], free).astype(np.int8)
+        changed.append(OccupancyGrid(cells, left.resolution, left.origin, name))
+    paths = save(tmp_path / "maps", [middle, blank(), hall(), *changed])
+    code, _, err = run_cli("merge", *paths, "-o", tmp_path / "out")
+    assert code == 0
+    for name, lack in (("bare", "free"), ("open", "occupied"), ("full", "unknown")):
+        assert err.count(f"map {name} has no {lack} cell") == err.count(f"map {name} has no") == 1
+    # A closed hall that ends at its walls lacks nothing.
+    assert err.count("has no") == 3

@@ -20,6 +20,7 @@ from mapmeld.map_file import MapFile
 from mapmeld.map_io import check_is_yaml, read_map
 from mapmeld.map_names import saved_names
 from mapmeld.map_yaml import one_line
+from mapmeld.missing_class import lacking_class
 
 
 class BagTopic(NamedTuple):
@@ -96,6 +97,8 @@ def read_inputs(
     if not inputs.grids:
         raise MapFileError(one_line("; ".join(inputs.warnings)))
     inputs.warnings += _told_twice(inputs.grids)
+    lacks = ((g.name, lacking_class(g)) for g in inputs.grids)
+    inputs.warnings += [f"map {name} {lack}" for name, lack in lacks if lack is not None]
     return inputs
 
 

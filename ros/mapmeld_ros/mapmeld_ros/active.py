@@ -15,6 +15,7 @@ from rclpy.clock_type import ClockType
 
 from mapmeld import Estimate
 from mapmeld.grid_message import BadMessage
+from mapmeld.missing_class import lacking_class
 from mapmeld.true_size import wrong_sizes
 from mapmeld_ros.discovery import MAP_TYPE, find_robots, in_namespace
 from mapmeld_ros.estimation import EstimationWorker
@@ -233,6 +234,8 @@ class Active:
                 g = now.grid
                 size = f"{g.width} x {g.height} cells of {g.resolution:.3g} m"
                 self._log.info(f"robot {name!r} is heard: {size} in the frame {now.frame!r}")
+                if (lack := lacking_class(g)) is not None:
+                    self._log.warning(f"robot {name!r}: its map {lack}")
             self._changed = time.monotonic()
             if self._session.is_settled:
                 self._estimation.request()

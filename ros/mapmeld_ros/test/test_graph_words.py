@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mapmeld_msgs.srv import PinRobot, SaveMaps, UnpinRobot
@@ -43,6 +44,14 @@ def test_a_map_of_another_size_raises_a_warning(graph: Graph, shared_data: Path)
     for grid in (first, larger):
         graph.publish(fleet, grid)
     wait_said(graph, node, "map robot2 would fit robot1 better at 0.96 times its size")
+
+
+def test_a_map_without_floor_raises_a_warning(graph: Graph, shared_data: Path) -> None:
+    node = graph.node()
+    first, _ = recorded(shared_data, "seattle_ov50")
+    walls = np.where(first.data >= 65, first.data, -1).astype(np.int8)
+    graph.publish(graph.fleet(), OccupancyGrid(walls, first.resolution, first.origin, first.name))
+    wait_said(graph, node, "robot 'robot1': its map has no free cell")
 
 
 def test_exact_poses_that_contradict_the_walls_raise_an_alarm(graph: Graph, shared_data: Path) -> None:

@@ -153,3 +153,19 @@ def test_speed(shared_data: Path) -> None:
     assert pairs[-1]["pairs"] == "all"
     assert float(pairs[-1]["median ms"]) > 0.0
     assert int(pairs[-1]["n"]) == sum(int(row["n"]) for row in pairs[:-1])
+
+
+def test_conditions(shared_data: Path) -> None:
+    chosen = ["as they are", "10 %", "turned"]
+    text = run("conditions.py", "--every", "45", "--only", *chosen, shared=shared_data.parent)
+    _, rows = tables(text)
+    assert [row["maps"] for row in rows[::2]] == [
+        "as they are",
+        "10 % of cells unknown",
+        "raster turned by 7 degrees",
+        "raster turned by 30 degrees",
+    ]
+    for row in rows:
+        counts = [int(row[k]) for k in ("right", "apart", "near", "wrong")]
+        assert sum(counts) == int(row["pairs"]) == 4
+        assert counts[0] > 0, row

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
+from PIL import Image, ImageDraw, ImageFont
 
 from mapmeld.palette import RGB
 
@@ -86,7 +86,9 @@ class Picture:
     def png(self) -> bytes:
         """The picture as a PNG file."""
         data = io.BytesIO()
-        self._image.save(data, PngImagePlugin.PngImageFile.format, compress_level=3)
+        # Pillow loads the code of one format where a name tells it, of five where `format` does.
+        data.name = "picture.png"
+        self._image.save(data, compress_level=3)
         return data.getvalue()
 
 

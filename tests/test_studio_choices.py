@@ -72,8 +72,10 @@ def test_choosing_keeps_apart_what_the_hypothesis_leaves_out(shared_data: Path, 
     with pytest.raises(MapmeldError, match="said already; solve again"):
         bench.choose(other)
     bench.solve()
-    others = {"02_r2": "merged", "05_r5": "pinned", "08_r8": "merged"}
-    assert status(bench) == {"00_r0": "no evidence", **others}
+    apart, *others = (status(bench)[name] for name in ("00_r0", "02_r2", "05_r5", "08_r8"))
+    assert apart == "no evidence"
+    # The reference of the others has been put where they lie.
+    assert sorted(others) == ["merged", "merged", "pinned"]
     bench.save()
     saved = json.loads((tmp_path / "out" / "result.json").read_text())["known"]["forbidden"]
     assert {tuple(pair) for pair in saved} == links

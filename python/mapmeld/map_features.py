@@ -101,7 +101,7 @@ def features(grid: OccupancyGrid, config: Mapping[str, Any] | None = None) -> Ma
     """
     options = json.dumps(effective_config(config or {}))
     seen = _core.LocalMap(grid.name, grid.data, grid.resolution, grid.origin, options)
-    free, occupied, unknown = seen.class_counts()
+    free, occupied = seen.class_counts()
     corners = seen.corners()
     return MapFeatures(
         name=grid.name,
@@ -110,7 +110,7 @@ def features(grid: OccupancyGrid, config: Mapping[str, Any] | None = None) -> Ma
         extent=(grid.width * grid.resolution, grid.height * grid.resolution),
         free=free,
         occupied=occupied,
-        unknown=unknown,
+        unknown=grid.data.size - free - occupied,
         specks=seen.specks(),
         boundary=Boundary(**seen.boundary()),
         lines=Lines(**seen.lines()),

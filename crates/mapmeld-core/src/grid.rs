@@ -97,6 +97,30 @@ impl OccupancyGrid {
         self.with_cells(turned_over(&self.cells, self.width))
     }
 
+    /// The same map with a rim of one unknown cell about all that is known or undecided, neither more nor less. A map of
+    /// nothing else stays as it is.
+    pub fn trimmed(self) -> Self {
+        let mut is_seen = vec![false; self.width];
+        let (mut bottom, mut top) = (self.height, 0);
+        for (k, row) in self.cells.chunks_exact(self.width).enumerate() {
+            if row.iter().fold(UNKNOWN, |most, v| most.max(*v)) > UNKNOWN {
+                (bottom, top) = (bottom.min(k), k + 1);
+                is_seen.iter_mut().zip(row).for_each(|(s, v)| *s |= *v != UNKNOWN);
+            }
+        }
+        let seen = (is_seen.iter().position(|s| *s), is_seen.iter().rposition(|s| *s));
+        let (Some(left), Some(last)) = seen else { return self };
+        let own = left..last + 1;
+        let (width, height) = (own.len() + 2, top - bottom + 2);
+        let mut cells = vec![UNKNOWN; width * height];
+        let rows = self.cells.chunks_exact(self.width).take(top).skip(bottom);
+        for (out, row) in cells.chunks_exact_mut(width).skip(1).zip(rows) {
+            out[1..width - 1].copy_from_slice(&row[own.clone()]);
+        }
+        let corner = self.grid_to_map(left as f64 - 1.0, bottom as f64 - 1.0);
+        Self { width, height, origin: Se2::from_parts(corner, self.origin.theta), cells, ..self }
+    }
+
     /// The same map with other values, as many and each a valid one.
     pub(crate) fn with_cells(&self, cells: Vec<i8>) -> Self {
         debug_assert_eq!(cells.len(), self.cells.len());
@@ -253,6 +277,33 @@ mod tests {
         }
         assert_eq!(here.index(g.grid_to_map(-0.01, 1.0)), None);
         assert_eq!(here.index(g.grid_to_map(7.01, 1.0)), None);
+    }
+
+    #[test]
+    fn a_trimmed_map_has_the_same_cells_in_the_same_places() {
+        let values = [((2, 3), 100), ((4, 6), 40), ((3, 4), 0)];
+        // With room about them, and with none.
+        for (w, h, rows, cols) in [(12, 9, 1, 2), (4, 3, -2, -3)] {
+            let mut cells = vec![UNKNOWN; w * h];
+            for ((row, col), v) in values {
+                cells[(row + rows) as usize * w + (col + cols) as usize] = v;
+            }
+            let g = OccupancyGrid::new("g", w, h, 0.25, Se2::new(3.0, -2.0, 0.7), cells).unwrap();
+            let trimmed = g.clone().trimmed();
+            assert_eq!((trimmed.width(), trimmed.height()), (6, 5));
+            for row in 0..5 {
+                for col in 0..6 {
+                    let p = trimmed.cell_center(row, col);
+                    let at = g.locator().index(p);
+                    let expected = at.map_or(UNKNOWN, |k| g.cells()[k]);
+                    assert_eq!(trimmed.cells()[row * 6 + col], expected);
+                    assert!(at.is_none_or(|k| (p - g.cell_center(k / w, k % w)).norm() < 1e-12));
+                }
+            }
+            assert_eq!(trimmed.clone().trimmed().cells(), trimmed.cells());
+        }
+        let blank = OccupancyGrid::new("g", 2, 2, 0.25, Se2::IDENTITY, vec![UNKNOWN; 4]).unwrap();
+        assert_eq!(blank.clone().trimmed(), blank);
     }
 
     #[test]

@@ -60,7 +60,7 @@ pub struct ClassTable {
 /// A local map with its tables (boundary, lines, corners, distances).
 #[derive(Debug, Clone)]
 pub struct LocalMap {
-    /// The map as given.
+    /// The map as given but for the unknown about it, of which a rim is left: what mappers leave there must not matter.
     pub grid: OccupancyGrid,
     /// Oriented wall points.
     pub boundary: Vec<BoundaryPoint>,
@@ -113,6 +113,7 @@ const MAX_BOUNDARY: usize = 65_000;
 impl LocalMap {
     /// Prepares a map.
     pub fn new(grid: OccupancyGrid, config: &Config) -> Self {
+        let grid = grid.trimmed();
         let cleaned = specks::without(&grid);
         let seen = cleaned.as_ref().unwrap_or(&grid);
         let (mut boundary, mut index) = boundary::extract(seen);

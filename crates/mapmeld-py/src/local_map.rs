@@ -106,11 +106,11 @@ impl LocalMap {
         Self { inner: Arc::new(self.inner.mirrored()) }
     }
 
-    /// Number of free, occupied and unknown cells.
-    fn class_counts(&self) -> (usize, usize, usize) {
+    /// Number of free and of occupied cells.
+    fn class_counts(&self) -> (usize, usize) {
         use core::grid::Class;
         let g = &self.inner.grid;
-        (g.count(Class::Free), g.count(Class::Occupied), g.count(Class::Unknown))
+        (g.count(Class::Free), g.count(Class::Occupied))
     }
 
     /// Cells that are taken for free floor since the map is full of specks.

@@ -1,6 +1,6 @@
 //! Occupied cells that stand alone amid free floor.
 
-use super::bands::{self, put, sum, take_of_window, Band};
+use super::bands::{self, put, sum, Band};
 use crate::grid::{class_of, Class, OccupancyGrid};
 
 /// Loose cells among free ones from which they are noise. Maps that lasers drew have 0.002 at most: legs and corners.
@@ -14,22 +14,21 @@ const MARGIN: usize = 2;
 
 /// A map whose loose occupied cells are free, where they are many. None where they are few.
 pub fn freed(grid: &OccupancyGrid) -> Option<OccupancyGrid> {
-    let (cells, width) = (grid.cells(), grid.width());
+    let cells = grid.cells();
     let mut layers = Layers::default();
     let (mut loose, mut free) = (0.0, 0.0);
     for band in bands::some(grid, MARGIN) {
-        let more = see(&mut layers, cells, &band, width);
-        loose += more[0];
-        free += more[1];
+        let [more, more_free] = see(&mut layers, cells, &band);
+        loose += more;
+        free += more_free;
     }
     if loose <= MOST * free {
         return None;
     }
     let mut freed = cells.to_vec();
     for band in bands::all(grid, MARGIN) {
-        see(&mut layers, cells, &band, width);
-        let loose = &layers.loose[band.within()];
-        freed[band.own].iter_mut().zip(loose).filter(|(_, l)| **l == 1).for_each(|(v, _)| *v = 0);
+        see(&mut layers, cells, &band);
+        band.free(&mut freed, &layers.loose);
     }
     Some(grid.with_cells(freed))
 }
@@ -37,25 +36,26 @@ pub fn freed(grid: &OccupancyGrid) -> Option<OccupancyGrid> {
 /// What is known of the cells of some rows.
 #[derive(Default)]
 struct Layers {
-    /// Free cells, and how many there are about each cell.
+    /// How many free cells there are about each cell.
     free: Vec<u8>,
     /// How many occupied cells there are about each cell.
     walls: Vec<u8>,
+    /// One for loose cells.
     loose: Vec<u8>,
+    scratch: Vec<u8>,
 }
 
 /// How many cells of a band's own rows are loose, and how many free.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-fn see(layers: &mut Layers, cells: &[i8], band: &Band, width: usize) -> [f64; 2] {
-    let Layers { free, walls, loose } = layers;
-    let cells = &cells[band.seen.clone()];
-    put(loose, cells.iter().map(|v| u8::from(class_of(*v) == Class::Occupied)));
-    put(free, cells.iter().map(|v| u8::from(class_of(*v) == Class::Free)));
-    let all_free = sum(free[band.within()].iter().copied());
+fn see(layers: &mut Layers, cells: &[i8], band: &Band) -> [f64; 2] {
+    let Layers { free, walls, loose, scratch } = layers;
+    band.tell(free, cells, |v| u8::from(class_of(v) == Class::Free));
+    band.tell(loose, cells, |v| u8::from(class_of(v) == Class::Occupied));
+    let all_free = sum(band.own(free).iter().copied());
     put(walls, loose.iter().copied());
-    take_of_window::<2>(walls, width, |a, b| a + b);
-    take_of_window::<1>(free, width, |a, b| a + b);
+    band.take_of_window::<2>(walls, scratch, |a, b| a + b);
+    band.take_of_window::<1>(free, scratch, |a, b| a + b);
     let is_loose = |w: u8, f: u8| u8::from(w <= MOST_NEAR) & u8::from(f >= LEAST_FREE);
     loose.iter_mut().zip(walls.iter().zip(&*free)).for_each(|(l, (w, f))| *l &= is_loose(*w, *f));
-    [sum(loose[band.within()].iter().copied()), all_free]
+    [sum(band.own(loose).iter().copied()), all_free]
 }

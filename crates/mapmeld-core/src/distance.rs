@@ -12,7 +12,7 @@ pub const MAX_SQUARED: u32 = 254;
 pub const FAR: u8 = 255;
 
 /// Distance in cells that no byte holds.
-const REACH: u8 = 16;
+pub const REACH: u8 = 16;
 
 /// Of a distance in cells, [`FAR`] where it does not fit.
 #[inline(always)]

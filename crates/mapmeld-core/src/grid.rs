@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::se2::{Rigid, Se2, Vec2};
+use std::ops::Range;
 
 /// Cell value of a cell that nobody has seen.
 pub const UNKNOWN: i8 = -1;
@@ -110,15 +111,21 @@ impl OccupancyGrid {
         }
         let seen = (is_seen.iter().position(|s| *s), is_seen.iter().rposition(|s| *s));
         let (Some(left), Some(last)) = seen else { return self };
-        let own = left..last + 1;
-        let (width, height) = (own.len() + 2, top - bottom + 2);
+        self.part(bottom..top, left..last + 1, 1)
+    }
+
+    /// Some rows and columns of the map, and so many unknown cells about them.
+    pub(crate) fn part(&self, rows: Range<usize>, columns: Range<usize>, rim: usize) -> Self {
+        let (width, height) = (columns.len() + 2 * rim, rows.len() + 2 * rim);
         let mut cells = vec![UNKNOWN; width * height];
-        let rows = self.cells.chunks_exact(self.width).take(top).skip(bottom);
-        for (out, row) in cells.chunks_exact_mut(width).skip(1).zip(rows) {
-            out[1..width - 1].copy_from_slice(&row[own.clone()]);
+        let kept = self.cells.chunks_exact(self.width).take(rows.end).skip(rows.start);
+        for (out, row) in cells.chunks_exact_mut(width).skip(rim).zip(kept) {
+            out[rim..rim + columns.len()].copy_from_slice(&row[columns.clone()]);
         }
-        let corner = self.grid_to_map(left as f64 - 1.0, bottom as f64 - 1.0);
-        Self { width, height, origin: Se2::from_parts(corner, self.origin.theta), cells, ..self }
+        let at = |first: usize| first as f64 - rim as f64;
+        let corner = self.grid_to_map(at(columns.start), at(rows.start));
+        let origin = Se2::from_parts(corner, self.origin.theta);
+        Self { name: self.name.clone(), width, height, origin, cells, ..*self }
     }
 
     /// The same map with other values, as many and each a valid one.

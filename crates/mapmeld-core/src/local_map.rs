@@ -11,7 +11,7 @@ use crate::blocks::Blocks;
 use crate::boundary::{self, BoundaryPoint, CellIndex};
 use crate::catchment::MAX_REACH;
 use crate::config::Config;
-use crate::distance::DistanceTable;
+use crate::distance::{self, DistanceTable};
 use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::ground::Ground;
 use crate::likelihood_field::{LikelihoodField, ProbeView};
@@ -97,6 +97,7 @@ pub struct LocalMap {
     field: LikelihoodField,
     reach_cells: usize,
     max_cells: usize,
+    wide: OnceLock<OccupancyGrid>,
     occupied: OnceLock<ClassTable>,
     free: OnceLock<ClassTable>,
 }
@@ -162,13 +163,21 @@ impl LocalMap {
             field,
             reach_cells,
             max_cells: config.perception.max_cells,
+            wide: OnceLock::new(),
             occupied: OnceLock::new(),
             free: OnceLock::new(),
             grid,
         }
     }
 
-    /// Occupied or free cells as Psi and D see them, worked out when they are first asked for.
+    /// The map with as much unknown about it as the distances of Psi and D reach.
+    pub fn wide(&self) -> &OccupancyGrid {
+        let g = &self.grid;
+        self.wide.get_or_init(|| g.part(0..g.height(), 0..g.width(), usize::from(distance::REACH)))
+    }
+
+    /// Occupied or free cells as Psi and D see them, worked out when they are first asked for; distances by the cells of
+    /// the wide map.
     pub fn class_table(&self, is_occupied: bool) -> &ClassTable {
         let (table, class) = match is_occupied {
             true => (&self.occupied, Class::Occupied),
@@ -176,7 +185,7 @@ impl LocalMap {
         };
         table.get_or_init(|| ClassTable {
             cells: class_cells(&self.grid, class, self.max_cells),
-            distance: DistanceTable::to_class(&self.grid, class),
+            distance: DistanceTable::to_class(self.wide(), class),
         })
     }
 

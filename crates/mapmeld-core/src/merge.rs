@@ -6,7 +6,7 @@ use crate::cluster::Cluster;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::events::{Event, Listener};
-use crate::evidence::{self, Status, World};
+use crate::evidence::{self, World};
 use crate::filter::{ParticleFilter, Step, Told};
 use crate::fuse;
 use crate::grid::OccupancyGrid;
@@ -18,7 +18,7 @@ use crate::parallel;
 use crate::partners;
 use crate::perception::noise;
 use crate::prior;
-use crate::registration::{stretch, PairModes, Registered};
+use crate::registration::{stretch, Registered};
 use crate::relation;
 use crate::result::{Component, Known, Merge, Observer, Stage};
 use crate::se2::Se2;
@@ -158,18 +158,11 @@ fn run(
     let hypotheses = evidence::hypotheses(&clusters);
     let probability = clusters.iter().map(|c| c.worlds[0].certainty()).product();
     clock.lap("fuse");
-    let (pairs, seconds) = (stretched(pairs.into_pairs(), maps, config), clock.laps);
+    let mut pairs = pairs.into_pairs();
+    stretch::tell(&mut pairs, maps, &config.perception);
+    clock.lap("size");
+    let seconds = clock.laps;
     Ok(Merge { placements, components, probability, hypotheses, pairs, registered_pairs, seconds })
-}
-
-/// Pairs, and of those that alone would be merged how many times as large the second map would fit best.
-fn stretched(pairs: Vec<PairModes>, maps: &[LocalMap], config: &Config) -> Vec<PairModes> {
-    let stretch = |p: &PairModes| {
-        let best = p.found.modes.first().filter(|_| p.status == Status::Merged)?;
-        stretch::of(&maps[p.a], &maps[p.b], &best.t_a_b, &config.perception)
-    };
-    let stretches = parallel::map(&pairs, stretch);
-    pairs.into_iter().zip(stretches).map(|(p, stretch)| PairModes { stretch, ..p }).collect()
 }
 
 /// What the pairs of some maps say.

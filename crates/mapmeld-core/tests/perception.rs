@@ -21,9 +21,8 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Side of a cell: a power of two, so that metres are exact.
 const CELL: f64 = 0.25;
-/// Unknown cells around the content. The distance table ends 16 cells out and at the grid's edge;
-/// with this margin the kernel is zero beyond the edge anyhow.
-const MARGIN: usize = 16;
+/// Unknown cells around the content; how many must not matter.
+const MARGIN: usize = 3;
 
 type Cells = BTreeSet<(i64, i64)>;
 

@@ -112,6 +112,7 @@ impl LocalMap {
             patches: self.patches.iter().map(patch).collect(),
             center: self.center.map(|c| mirror.point(c)),
             floor: self.floor.mirrored(mirror.width),
+            wide: OnceLock::new(),
             occupied: OnceLock::new(),
             free: OnceLock::new(),
             grid,

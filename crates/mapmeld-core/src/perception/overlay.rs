@@ -116,7 +116,7 @@ impl Overlay {
         let below: Vec<(&LocalMap, Locator)> = near
             .map(|l| {
                 let below = &maps[l.map];
-                (below, below.grid.locator_from(&l.t_world_map.inverse()))
+                (below, below.wide().locator_from(&l.t_world_map.inverse()))
             })
             .collect();
         let new_cells = |occupied: bool| -> Vec<Vec2> {

@@ -41,7 +41,7 @@ impl<'a> Comparison<'a> {
             .map(|l| {
                 let m = &self.maps[l.map];
                 let t_map_local = l.t_world_map.between(&self.t_world_local);
-                (table_of(m, to), m.grid.locator_from(&t_map_local))
+                (table_of(m, to), m.wide().locator_from(&t_map_local))
             })
             .collect();
         // exp is monotone: the nearest of all layers is the largest kernel value.
@@ -56,7 +56,7 @@ impl<'a> Comparison<'a> {
         };
         let forward: f64 = local_cells.centers.iter().map(nearest).sum::<f64>() * local_cells.scale;
         let table = table_of(self.local, to);
-        let at = self.local.grid.locator_from(&self.t_world_local.inverse());
+        let at = self.local.wide().locator_from(&self.t_world_local.inverse());
         let backward: f64 = self
             .merged
             .layers()

@@ -3,9 +3,12 @@
 
 use crate::blocks::LANES;
 use crate::config::PerceptionConfig;
+use crate::evidence::Status;
 use crate::local_map::LocalMap;
+use crate::parallel;
 use crate::probe::{axes_of, Axes};
 use crate::registration::climb::robust_weight;
+use crate::registration::PairModes;
 use crate::se2::{Se2, Vec2};
 use nalgebra::{Matrix4, Vector4};
 
@@ -34,13 +37,18 @@ impl Stretch {
     }
 }
 
+/// Tells of the pairs that alone would be merged how many times as large the second map would fit best.
+pub fn tell(pairs: &mut [PairModes], maps: &[LocalMap], perception: &PerceptionConfig) {
+    let stretch = |p: &PairModes| {
+        let best = p.found.modes.first().filter(|_| p.status == Status::Merged)?;
+        of(&maps[p.a], &maps[p.b], &best.t_a_b, perception)
+    };
+    let stretches = parallel::map(pairs, stretch);
+    pairs.iter_mut().zip(stretches).for_each(|(p, stretch)| p.stretch = stretch);
+}
+
 /// From the pose where two maps fit as they are; none where walls do not tell.
-pub fn of(
-    a: &LocalMap,
-    b: &LocalMap,
-    t_a_b: &Se2,
-    perception: &PerceptionConfig,
-) -> Option<Stretch> {
+fn of(a: &LocalMap, b: &LocalMap, t_a_b: &Se2, perception: &PerceptionConfig) -> Option<Stretch> {
     let resolution = a.grid.resolution().max(b.grid.resolution());
     let finest = perception.climb_sigma.max(resolution);
     let middle = b.grid.origin().inverse().apply(b.center?);

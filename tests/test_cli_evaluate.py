@@ -112,4 +112,11 @@ def test_bad_input_is_one_line(case: Path) -> None:
     assert_refused(run_cli("evaluate", result, truth), "no map file", "left")
     assert_refused(run_cli("evaluate", case / "maps" / "left.yaml", truth), "left.yaml", "JSON")
     assert_refused(run_cli("evaluate", truth, result, "--maps", case / "maps"), "truth.json", "swapped")
-    assert_refused(run_cli("evaluate", case / "out", truth), "out", "folder")
+    assert_refused(run_cli("evaluate", case / "maps", truth), "result.json", "cannot be read")
+
+
+def test_folders_stand_for_the_files_in_them(case: Path) -> None:
+    options = ("--maps", case / "maps", "--json")
+    expected = run_cli("evaluate", case / "out" / "result.json", case / "truth.json", *options)
+    assert expected[0] == 0
+    assert run_cli("evaluate", case / "out", case, *options) == expected

@@ -53,7 +53,7 @@ def test_merge_again_replaces_the_page(site: Path, tmp_path: Path) -> None:
 
 
 def test_report_of_an_earlier_merge(site: Path, tmp_path: Path) -> None:
-    code, out, err = run_cli("report", site / "site" / "result.json", "-o", tmp_path / "page.html")
+    code, out, err = run_cli("report", site / "site", "-o", tmp_path / "page.html")
     assert (code, out, err) == (0, f"{tmp_path / 'page.html'}\n", "")
 
     def without_times(path: Path) -> list[str]:

@@ -6,6 +6,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import typer
@@ -23,6 +24,11 @@ EXIT_CODES = (
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+def file_of(path: Path, name: str) -> Path:
+    """A file, or the one of that name in a folder."""
+    return path / name if path.is_dir() else path
 
 
 def reported(command: Callable[P, R]) -> Callable[P, R]:

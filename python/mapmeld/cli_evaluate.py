@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from mapmeld.cli_common import NOT_MET, print_json, reported
+from mapmeld.cli_common import NOT_MET, file_of, print_json, reported
 
 
 @reported
 def evaluate(
-    result: Annotated[Path, typer.Argument(help="result.json of a merge.", show_default=False)],
-    truth: Annotated[Path, typer.Argument(help="truth.json of its case.", show_default=False)],
+    result: Annotated[Path, typer.Argument(help="result.json of a merge, or its folder.", show_default=False)],
+    truth: Annotated[Path, typer.Argument(help="truth.json of its case, or its folder.", show_default=False)],
     maps: Annotated[
         Path | None,
         typer.Option(help="Folder of the maps; that of the truth if not given.", show_default=False),
@@ -29,8 +29,9 @@ def evaluate(
     tables.
     """
     from mapmeld.metrics import evaluate_files
+    from mapmeld.output import RESULT
 
-    evaluation = evaluate_files(result, truth, maps)
+    evaluation = evaluate_files(file_of(result, RESULT), file_of(truth, "truth.json"), maps)
     if json:
         print_json(evaluation.to_dict())
     else:

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from mapmeld.cli_common import reported
+from mapmeld.cli_common import file_of, reported
 
 
 @reported
 def report(
-    result: Annotated[Path, typer.Argument(help="The result.json of a merge.", show_default=False)],
+    result: Annotated[Path, typer.Argument(help="The result.json of a merge, or its folder.", show_default=False)],
     maps: Annotated[
         list[Path] | None,
         typer.Argument(
@@ -32,10 +32,11 @@ def report(
 
     The maps are read again from where result.json says that they were, seen from its folder.
     """
-    from mapmeld.output import PAGE, replace_file
+    from mapmeld.output import PAGE, RESULT, replace_file
     from mapmeld.report_page import page, retold
     from mapmeld.result_file import read_maps, read_result
 
+    result = file_of(result, RESULT)
     target = result.parent / PAGE if output is None else output
     _check_target(target, [result, *(maps or [])])
     if figures is not None:

@@ -159,8 +159,8 @@ def test_conditions(shared_data: Path) -> None:
     chosen = ["as they are", "10 %", "turned"]
     text = run("conditions.py", "--every", "45", "--only", *chosen, shared=shared_data.parent)
     _, rows = tables(text)
-    assert [row["maps"] for row in rows[::2]] == [
-        "as they are",
+    assert (rows[0]["maps"], rows[0]["changed"]) == ("as they are", "none")
+    assert [row["maps"] for row in rows[1::2]] == [
         "10 % of cells unknown",
         "raster turned by 7 degrees",
         "raster turned by 30 degrees",

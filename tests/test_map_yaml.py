@@ -13,6 +13,7 @@ from mapmeld.map_io import read_map
 
 SaveMap = Callable[..., Path]
 IMAGE = b"P5\n1 1\n255\n\x00"
+LONG = b"\n# a long file is read by another parser" * 40
 
 
 def refusal(path: Path) -> str:
@@ -87,9 +88,12 @@ def test_all_missing_fields_are_named_at_once(save_map: SaveMap) -> None:
         (b" " * 70000, "is larger than"),
     ],
 )
-def test_a_file_that_is_no_map_yaml_is_refused(tmp_path: Path, content: bytes, says: str) -> None:
+@pytest.mark.parametrize("more", [b"", LONG], ids=["short", "long"])
+def test_a_file_that_is_no_map_yaml_is_refused(
+    tmp_path: Path, content: bytes, says: str, more: bytes
+) -> None:
     path = tmp_path / "hall.yaml"
-    path.write_bytes(content)
+    path.write_bytes(content + more)
     assert says in refusal(path)
 
 
@@ -131,11 +135,16 @@ def test_a_pipe_is_refused_and_not_waited_for(save_map: SaveMap, tmp_path: Path)
 def test_what_nav2_accepts_is_accepted(
     save_map: SaveMap, fields: dict[str, str], resolution: float, origin: tuple[float, ...]
 ) -> None:
-    grid = read_map(save_map(IMAGE, **fields))
-    assert (grid.resolution, grid.origin) == (resolution, origin)
+    path = save_map(IMAGE, **fields)
+    for more in (b"", LONG):
+        path.write_bytes(path.read_bytes() + more)
+        grid = read_map(path)
+        assert (grid.resolution, grid.origin) == (resolution, origin)
 
 
 def test_a_byte_order_mark_and_windows_line_ends_are_accepted(save_map: SaveMap) -> None:
     path = save_map(IMAGE, resolution="0.2")
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
-    assert read_map(path).resolution == 0.2
+    for more in (b"", LONG.replace(b"\n", b"\r\n")):
+        path.write_bytes(path.read_bytes() + more)
+        assert read_map(path).resolution == 0.2

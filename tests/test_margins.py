@@ -11,10 +11,11 @@ from rooms import building
 
 
 def with_margins(grid: OccupancyGrid, left: int, below: int, right: int, above: int) -> OccupancyGrid:
-    """The map in a larger grid; in a smaller one where the numbers of cells are negative."""
+    """The map in a larger grid; in a smaller one where `left` or `below` are negative."""
     cells = np.pad(
         grid.data, ((max(below, 0), max(above, 0)), (max(left, 0), max(right, 0))), constant_values=-1
     )
+    assert min(right, above) >= 0
     cells = cells[max(-below, 0) :, max(-left, 0) :]
     x, y = se2.apply(grid.origin, np.array([-left, -below]) * grid.resolution)
     return OccupancyGrid(cells, grid.resolution, (float(x), float(y), grid.origin[2]), grid.name)

@@ -54,6 +54,6 @@ def test_specks_are_told(tmp_path: Path) -> None:
     (path,) = save(tmp_path, [dirty])
     code, out, _ = run_cli("inspect", path, "-o", tmp_path / "seen.png")
     assert code == 0
-    assert f"{seen.specks} of the others are specks" in out
+    assert f"{seen.specks} of the unknown and occupied ones are specks" in out
     (path,) = save(tmp_path, [clean])
     assert "are specks" not in run_cli("inspect", path, "-o", tmp_path / "seen.png")[1]

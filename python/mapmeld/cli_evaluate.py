@@ -12,7 +12,9 @@ from mapmeld.cli_common import NOT_MET, file_of, print_json, reported
 
 @reported
 def evaluate(
-    result: Annotated[Path, typer.Argument(help="result.json of a merge, or its folder.", show_default=False)],
+    result: Annotated[
+        Path, typer.Argument(help="result.json of a merge, or its folder.", show_default=False)
+    ],
     truth: Annotated[Path, typer.Argument(help="truth.json of its case, or its folder.", show_default=False)],
     maps: Annotated[
         Path | None,

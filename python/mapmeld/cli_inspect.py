@@ -89,4 +89,6 @@ def _lines(seen: MapFeatures) -> list[str]:
 
 
 def _specks(seen: MapFeatures) -> str:
-    return f"; {seen.specks} of the others are specks, and taken for free floor" if seen.specks else ""
+    if not seen.specks:
+        return ""
+    return f"; {seen.specks} of the unknown and occupied ones are specks, and taken for free floor"

@@ -12,7 +12,9 @@ from mapmeld.cli_common import file_of, reported
 
 @reported
 def report(
-    result: Annotated[Path, typer.Argument(help="The result.json of a merge, or its folder.", show_default=False)],
+    result: Annotated[
+        Path, typer.Argument(help="The result.json of a merge, or its folder.", show_default=False)
+    ],
     maps: Annotated[
         list[Path] | None,
         typer.Argument(

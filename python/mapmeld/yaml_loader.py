@@ -32,5 +32,6 @@ for _loader in {Loader, _SHORT_LOADER}:
 
 
 def open_loader(text: str) -> Loader | yaml.CSafeLoader:
-    """A loader of a text, the fastest that stands it. Raises yaml.YAMLError for characters yaml has not."""
-    return _SHORT_LOADER(text) if len(text) <= _SHORT else Loader(text)
+    """A loader of a text, the fastest that stands it. Raises yaml.YAMLError, or what it makes does."""
+    # libyaml takes tabs where PyYAML does not: whether a file is valid must not depend on its length.
+    return _SHORT_LOADER(text) if len(text) <= _SHORT and "\t" not in text else Loader(text)

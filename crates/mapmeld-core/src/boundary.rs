@@ -5,6 +5,7 @@
 
 use crate::grid::{class_of, Class, OccupancyGrid, OCCUPIED_AT_LEAST};
 use crate::se2::Vec2;
+use std::sync::LazyLock;
 
 /// One side of a wall cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,13 +41,10 @@ fn raw_points(grid: &OccupancyGrid) -> Vec<BoundaryPoint> {
     let mut out = Vec::new();
     for row in 0..h {
         for col in occupied(&grid.cells()[row * w..(row + 1) * w]) {
-            let free = RING.map(|(dr, dc)| {
-                grid.class_or_unknown(row as isize + dr, col as isize + dc) == Class::Free
-            });
-            for normal in sides(&free) {
+            for normal in &SIDES[free_about(grid, row, col)] {
                 out.push(BoundaryPoint {
                     position: Vec2::new(col as f64 + 0.5, row as f64 + 0.5),
-                    normal,
+                    normal: *normal,
                     cell: (row * w + col) as u32,
                     straightness: 0.0,
                 });
@@ -68,6 +66,26 @@ fn occupied(row: &[i8]) -> impl Iterator<Item = usize> + '_ {
         cells.iter().enumerate().filter(is_occupied).map(move |(k, _)| chunk * AT_ONCE + k)
     })
 }
+
+/// Which neighbours of a cell are free, a bit each in the order of [`RING`].
+fn free_about(grid: &OccupancyGrid, row: usize, col: usize) -> usize {
+    let (w, cells) = (grid.width(), grid.cells());
+    let bit = |k: usize, is_free: bool| usize::from(is_free) << k;
+    if row > 0 && row + 1 < grid.height() && col > 0 && col + 1 < w {
+        let is_free = |(dr, dc): (isize, isize)| {
+            let at = (row * w + col).wrapping_add_signed(dr * w as isize + dc);
+            class_of(cells[at]) == Class::Free
+        };
+        return (0..8).map(|k| bit(k, is_free(RING[k]))).sum();
+    }
+    let class = |(dr, dc)| grid.class_or_unknown(row as isize + dr, col as isize + dc);
+    (0..8).map(|k| bit(k, class(RING[k]) == Class::Free)).sum()
+}
+
+/// The normals of a cell by which neighbours are free.
+static SIDES: LazyLock<Vec<Vec<Vec2>>> = LazyLock::new(|| {
+    (0..256).map(|free| sides(&std::array::from_fn(|k| free >> k & 1 == 1)).collect()).collect()
+});
 
 /// One unit normal for every run of free neighbours that holds a direct one.
 fn sides(free: &[bool; 8]) -> impl Iterator<Item = Vec2> + '_ {

@@ -98,20 +98,29 @@ impl OccupancyGrid {
         self.with_cells(turned_over(&self.cells, self.width))
     }
 
-    /// The same map with a rim of one unknown cell about all that is known or undecided, neither more nor less. A map of
-    /// nothing else stays as it is.
-    pub fn trimmed(self) -> Self {
-        let mut is_seen = vec![false; self.width];
+    /// The same map with so many unknown cells about all that is free or occupied, neither more nor less. A map of nothing
+    /// else stays as it is.
+    pub fn trimmed(self, rim: usize) -> Self {
+        let mut is_known = vec![false; self.width];
         let (mut bottom, mut top) = (self.height, 0);
         for (k, row) in self.cells.chunks_exact(self.width).enumerate() {
-            if row.iter().fold(UNKNOWN, |most, v| most.max(*v)) > UNKNOWN {
+            // Of most rows beside a building every cell is the same: those are passed over at once.
+            if row.iter().fold(UNKNOWN, |most, v| most.max(*v)) == UNKNOWN {
+                continue;
+            }
+            let mut is_any = false;
+            for (known, v) in is_known.iter_mut().zip(row) {
+                let here = class_of(*v) != Class::Unknown;
+                *known |= here;
+                is_any |= here;
+            }
+            if is_any {
                 (bottom, top) = (bottom.min(k), k + 1);
-                is_seen.iter_mut().zip(row).for_each(|(s, v)| *s |= *v != UNKNOWN);
             }
         }
-        let seen = (is_seen.iter().position(|s| *s), is_seen.iter().rposition(|s| *s));
-        let (Some(left), Some(last)) = seen else { return self };
-        self.part(bottom..top, left..last + 1, 1)
+        let known = (is_known.iter().position(|k| *k), is_known.iter().rposition(|k| *k));
+        let (Some(left), Some(last)) = known else { return self };
+        self.part(bottom..top, left..last + 1, rim)
     }
 
     /// Some rows and columns of the map, and so many unknown cells about them.
@@ -192,6 +201,11 @@ impl OccupancyGrid {
             width: self.width,
             height: self.height,
         }
+    }
+    /// Number of cells that are of another class in a map of the same size.
+    pub fn count_differing(&self, other: &OccupancyGrid) -> usize {
+        let differs = |(a, b): &(&i8, &i8)| class_of(**a) != class_of(**b);
+        self.cells.iter().zip(&other.cells).filter(differs).count()
     }
     /// Number of cells of a class.
     pub fn count(&self, class: Class) -> usize {
@@ -288,15 +302,19 @@ mod tests {
 
     #[test]
     fn a_trimmed_map_has_the_same_cells_in_the_same_places() {
-        let values = [((2, 3), 100), ((4, 6), 40), ((3, 4), 0)];
+        let values = [((2, 3), 100), ((4, 6), 0), ((3, 4), 40)];
         // With room about them, and with none.
         for (w, h, rows, cols) in [(12, 9, 1, 2), (4, 3, -2, -3)] {
             let mut cells = vec![UNKNOWN; w * h];
             for ((row, col), v) in values {
                 cells[(row + rows) as usize * w + (col + cols) as usize] = v;
             }
+            // Undecided cells are unknown ones.
+            if h > 3 {
+                cells[w - 1] = 50;
+            }
             let g = OccupancyGrid::new("g", w, h, 0.25, Se2::new(3.0, -2.0, 0.7), cells).unwrap();
-            let trimmed = g.clone().trimmed();
+            let trimmed = g.clone().trimmed(1);
             assert_eq!((trimmed.width(), trimmed.height()), (6, 5));
             for row in 0..5 {
                 for col in 0..6 {
@@ -307,10 +325,13 @@ mod tests {
                     assert!(at.is_none_or(|k| (p - g.cell_center(k / w, k % w)).norm() < 1e-12));
                 }
             }
-            assert_eq!(trimmed.clone().trimmed().cells(), trimmed.cells());
+            assert_eq!(trimmed.clone().trimmed(1).cells(), trimmed.cells());
+            let wider = trimmed.clone().trimmed(3);
+            assert_eq!((wider.width(), wider.height()), (10, 9));
+            assert!((wider.cell_center(2, 2) - trimmed.cell_center(0, 0)).norm() < 1e-12);
         }
         let blank = OccupancyGrid::new("g", 2, 2, 0.25, Se2::IDENTITY, vec![UNKNOWN; 4]).unwrap();
-        assert_eq!(blank.clone().trimmed(), blank);
+        assert_eq!(blank.clone().trimmed(1), blank);
     }
 
     #[test]

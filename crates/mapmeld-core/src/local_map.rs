@@ -60,7 +60,7 @@ pub struct ClassTable {
 /// A local map with its tables (boundary, lines, corners, distances).
 #[derive(Debug, Clone)]
 pub struct LocalMap {
-    /// The map as given but for the unknown about it, of which a rim is left: what mappers leave there must not matter.
+    /// The map as given but for the unknown about it, of which a rim is left: how much a mapper keeps must not matter.
     pub grid: OccupancyGrid,
     /// Oriented wall points.
     pub boundary: Vec<BoundaryPoint>,
@@ -84,7 +84,8 @@ pub struct LocalMap {
     pub straight_share: f64,
     /// Distance between neighbouring wall samples, metres.
     pub spacing: f64,
-    /// Cells that all of this takes for free and the map does not, see [`specks`](crate::specks).
+    /// Cells that are taken for free and are not in the map, see [`specks`](crate::specks). Psi, D and the middle take
+    /// the map as it is.
     pub specks: usize,
     /// Mean of the known cells' centres; none for a blank map.
     pub center: Option<Vec2>,
@@ -114,7 +115,10 @@ const MAX_BOUNDARY: usize = 65_000;
 impl LocalMap {
     /// Prepares a map.
     pub fn new(grid: OccupancyGrid, config: &Config) -> Self {
-        let grid = grid.trimmed();
+        let reach_cells =
+            ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, MAX_REACH);
+        // Walls are looked up as far outside of what is known as their field reaches.
+        let grid = grid.trimmed(reach_cells);
         let cleaned = specks::without(&grid);
         let seen = cleaned.as_ref().unwrap_or(&grid);
         let (mut boundary, mut index) = boundary::extract(seen);
@@ -139,15 +143,13 @@ impl LocalMap {
                 line.points.iter_mut().for_each(|k| *k /= step as u32);
             }
         }
-        let reach_cells =
-            ((config.registration.reach / grid.resolution()).ceil() as usize).clamp(3, MAX_REACH);
         let field = LikelihoodField::new(&grid, &boundary, &index, reach_cells);
         let ground = Ground::new(seen, &config.perception);
         Self {
             wall_length,
             straight_share: (long / wall_length.max(1e-9)).min(1.0),
             spacing: config.perception.sample_spacing.max(grid.resolution()),
-            specks: seen.cells().iter().zip(grid.cells()).filter(|(a, b)| a != b).count(),
+            specks: grid.count_differing(seen),
             center: grid.known_center(),
             coarse: CoarseTable::new(&grid, &boundary, &field, &ground),
             floor: Floor::new(&grid, &ground),

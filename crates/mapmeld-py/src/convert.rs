@@ -42,9 +42,12 @@ pub fn grid(
     resolution: f64,
     origin: [f64; 3],
 ) -> PyResult<OccupancyGrid> {
-    let view = data.as_array();
-    let (height, width) = view.dim();
-    let cells: Vec<i8> = view.iter().copied().collect();
+    let (height, width) = data.as_array().dim();
+    // Row by row in memory nearly always: then it is one copy.
+    let cells = match data.as_slice() {
+        Ok(cells) => cells.to_vec(),
+        Err(_) => data.as_array().iter().copied().collect(),
+    };
     OccupancyGrid::new(name, width, height, resolution, pose(origin), cells).map_err(to_py_err)
 }
 

@@ -3,7 +3,6 @@
 use crate::convert;
 use mapmeld_core as core;
 use mapmeld_core::config::Config;
-use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::perception::psi::Comparison;
 use mapmeld_core::perception::{gamma, likelihood, pool, psi, Overlay};
 use mapmeld_core::se2::Se2;
@@ -50,22 +49,8 @@ impl LocalMap {
         config: &str,
     ) -> PyResult<Self> {
         let config = convert::config(config)?;
-        let view = data.as_array();
-        let (height, width) = view.dim();
-        let cells: Vec<i8> = view.iter().copied().collect();
-        let inner = py
-            .detach(|| {
-                let grid = OccupancyGrid::new(
-                    name,
-                    width,
-                    height,
-                    resolution,
-                    convert::pose(origin),
-                    cells,
-                )?;
-                Ok(core::local_map::LocalMap::new(grid, &config))
-            })
-            .map_err(convert::to_py_err)?;
+        let grid = convert::grid(name, &data, resolution, origin)?;
+        let inner = py.detach(|| core::local_map::LocalMap::new(grid, &config));
         Ok(Self { inner: Arc::new(inner) })
     }
 

@@ -230,12 +230,12 @@ class Active:
             has_changed = True
         if has_changed:
             now = self._session.robots.get(name)
-            if before is not None and before.grid is None and now is not None and now.grid is not None:
-                g = now.grid
-                size = f"{g.width} x {g.height} cells of {g.resolution:.3g} m"
-                self._log.info(f"robot {name!r} is heard: {size} in the frame {now.frame!r}")
+            if now is not None and (g := now.grid) is not None:
+                if before is not None and before.grid is None:
+                    size = f"{g.width} x {g.height} cells of {g.resolution:.3g} m"
+                    self._log.info(f"robot {name!r} is heard: {size} in the frame {now.frame!r}")
                 if (lack := lacking_class(g)) is not None:
-                    self._log.warning(f"robot {name!r}: its map {lack}")
+                    self._warn((name, "cells"), f"robot {name!r}: its map {lack}")
             self._changed = time.monotonic()
             if self._session.is_settled:
                 self._estimation.request()

@@ -149,7 +149,7 @@ mod tests {
             }
         });
         let origin = Se2::new(4.0, -2.0, 0.3);
-        OccupancyGrid::new("room", w, h, 0.05, origin, cells.collect()).unwrap().trimmed()
+        OccupancyGrid::new("room", w, h, 0.05, origin, cells.collect()).unwrap().trimmed(8)
     }
 
     #[test]

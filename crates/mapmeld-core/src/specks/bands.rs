@@ -1,10 +1,11 @@
-//! Maps in bands of rows, few enough to stay in the near caches, and what surrounds each of their cells.
+//! Maps in bands of rows, so few that most stay in the near caches, and what surrounds each of their cells.
 
 use crate::grid::OccupancyGrid;
 use std::ops::Range;
 
-/// Cells of a band, about.
+/// Cells of a band, about, and its rows at most: of a few hundred rows several bands are asked.
 const CELLS: usize = 6144;
+const ROWS: usize = 32;
 /// Rows of a map from which every second band tells of all, and from which every third does.
 const TALL: [usize; 2] = [200, 300];
 /// Zeros that follow each row, at least: the widest window does not reach from one row into the next.
@@ -14,7 +15,6 @@ const ALIGNED: usize = 32;
 
 /// Some rows of a map, and as many more on either side as have a say in them. What is told of their cells is a byte a
 /// cell, row by row, and zeros after each row.
-#[derive(Clone)]
 pub struct Band {
     /// The rows, and the rows with those on either side.
     own: Range<usize>,
@@ -26,11 +26,12 @@ pub struct Band {
 /// All rows of a map in bands, so many more rows on either side having a say.
 pub fn all(grid: &OccupancyGrid, margin: usize) -> impl Iterator<Item = Band> {
     let (width, height) = (grid.width(), grid.height());
-    let rows = (CELLS / width).max(2 * margin);
+    let stride = (width + GAP).next_multiple_of(ALIGNED);
+    let rows = (CELLS / stride).clamp(2 * margin, ROWS);
     (0..height).step_by(rows).map(move |first| {
         let own = first..(first + rows).min(height);
         let seen = first.saturating_sub(margin)..(own.end + margin).min(height);
-        Band { own, seen, width, stride: (width + GAP).next_multiple_of(ALIGNED) }
+        Band { own, seen, width, stride }
     })
 }
 

@@ -103,6 +103,79 @@ mod tests {
         assert_becomes(&both, &room(|row, col| value(is_wall(row, col), 100)));
     }
 
+    /// Whether a corridor is cleaned that has specks of a value in its lower or upper half.
+    fn is_cleaned(is_low: bool, value: i8) -> bool {
+        let (w, h) = (24, 400);
+        let is_speck = |row: usize, col: usize| match value {
+            UNKNOWN => (row + 2 * col) % 5 == 0,
+            _ => row % 7 == 3 && col % 9 == 5,
+        };
+        let cell = |k: usize| match (k / w, k % w) {
+            (_, 0 | 23) | (0 | 399, _) => 100,
+            (row, col) if (row < h / 2) == is_low && is_speck(row, col) => value,
+            _ => 0,
+        };
+        let cells = (0..w * h).map(cell).collect();
+        let map = OccupancyGrid::new("tall", w, h, 0.05, Se2::IDENTITY, cells).unwrap();
+        without(&map).is_some()
+    }
+
+    #[test]
+    fn either_end_of_a_map_is_asked() {
+        for value in [UNKNOWN, 100] {
+            assert!(is_cleaned(true, value) && is_cleaned(false, value));
+        }
+    }
+
+    #[test]
+    fn bands_make_no_difference() {
+        // Of several bands: closed as if all were one, and slowly.
+        let (w, h) = (130usize, 170usize);
+        let mut rng = 7u32;
+        let mut draw = || {
+            rng = rng.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            rng >> 24
+        };
+        let cells: Vec<i8> = (0..w * h)
+            .map(|_| match draw() {
+                0..50 => UNKNOWN,
+                50..60 => 100,
+                _ => 0,
+            })
+            .collect();
+        let about = |k: usize, radius: isize, is: &dyn Fn(usize) -> bool| -> Vec<bool> {
+            let (row, col) = ((k / w) as isize, (k % w) as isize);
+            let window = |at: isize| at - radius..=at + radius;
+            window(row)
+                .flat_map(|r| window(col).map(move |c| (r, c)))
+                .map(|(r, c)| {
+                    let inside = r >= 0 && c >= 0 && r < h as isize && c < w as isize;
+                    inside && is(r as usize * w + c as usize)
+                })
+                .collect()
+        };
+        let count = |of: Vec<bool>| of.into_iter().filter(|v| *v).count();
+        let is_loose = |k: usize| {
+            cells[k] == 100
+                && count(about(k, 2, &|k| cells[k] == 100)) <= 2
+                && count(about(k, 1, &|k| cells[k] == 0)) >= 5
+        };
+        let freed: Vec<i8> = (0..w * h).map(|k| if is_loose(k) { 0 } else { cells[k] }).collect();
+        let near: Vec<bool> =
+            (0..w * h).map(|k| about(k, 1, &|k| freed[k] == 0).contains(&true)).collect();
+        let is_bound = |k: usize| near[k] || freed[k] == 100;
+        let is_closed =
+            |k: usize| freed[k] == UNKNOWN && near[k] && !about(k, 1, &is_bound).contains(&false);
+        let expected: Vec<i8> =
+            (0..w * h).map(|k| if is_closed(k) { 0 } else { freed[k] }).collect();
+        assert_ne!(freed, cells);
+        assert_ne!(expected, freed);
+        let grid = OccupancyGrid::new("noise", w, h, 0.05, Se2::IDENTITY, cells.clone()).unwrap();
+        let found = without(&grid).expect("full of specks");
+        let wrong = (0..w * h).find(|k| found.cells()[*k] != expected[*k]);
+        assert_eq!(wrong.map(|k| (k / w, k % w)), None);
+    }
+
     #[test]
     fn the_narrowest_grids_are_asked_too() {
         for (width, height) in [(1, 1), (1, 7), (7, 1), (2, 2), (3, 300)] {

@@ -4,6 +4,7 @@ use crate::boundary::{BoundaryPoint, CellIndex};
 use crate::config::StructureConfig;
 use crate::grid::OccupancyGrid;
 use crate::se2::Vec2;
+use std::cmp::Reverse;
 
 /// One straight side of a wall, in map coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,11 +42,11 @@ pub fn fit(
     config: &StructureConfig,
 ) -> Vec<Line> {
     let mut taken = vec![false; boundary.len()];
-    // The straightest places first: they have the best direction to start from.
+    // The straightest places first: they have the best direction to start from. Rounded, so that those that are equally
+    // straight come in the same order wherever the map's frame lies.
+    let straightness = |k: &usize| (1e6 * boundary[*k].straightness).round() as u32;
     let mut seeds: Vec<usize> = (0..boundary.len()).collect();
-    seeds.sort_by(|a, b| {
-        boundary[*b].straightness.total_cmp(&boundary[*a].straightness).then(a.cmp(b))
-    });
+    seeds.sort_by_key(|k| Reverse(straightness(k)));
     let mut lines = Vec::new();
     // The last seed whose line took each point in.
     let mut seen_from = vec![u32::MAX; boundary.len()];
@@ -150,7 +151,8 @@ fn finish(
         hi = hi.max(s);
     }
     let length = hi - lo;
-    if length < config.min_line_length.max(5.0 * resolution) {
+    // Whole cells are often just as long as is asked: rounding must not decide.
+    if length < config.min_line_length.max(5.0 * resolution) - 1e-3 * resolution {
         return None;
     }
     points.sort_unstable();

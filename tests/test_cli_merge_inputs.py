@@ -214,3 +214,9 @@ def test_maps_that_lack_a_class_of_cells_are_told(tmp_path: Path) -> None:
         assert err.count(f"map {name} has no {lack} cell") == err.count(f"map {name} has no") == 1
     # A closed hall that ends at its walls lacks nothing.
     assert err.count("has no") == 3
+
+
+def test_a_place_that_is_not_there_is_told(tmp_path: Path) -> None:
+    assert_refused(
+        run_cli("merge", tmp_path / "mpas", "-o", tmp_path / "out"), "mpas", "no such file or folder"
+    )

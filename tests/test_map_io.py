@@ -263,3 +263,21 @@ def test_recorded_maps_hold_the_classes_their_pixels_say(shared_data: Path, tmp_
 def test_a_recorded_map_keeps_its_yaw(shared_data: Path) -> None:
     grids = [read_map(path) for path in sorted((shared_data / "seattle_pair_hi").glob("*.yaml"))]
     assert any(grid.origin[2] != 0 for grid in grids)
+
+
+@pytest.mark.parametrize("free_thresh", ["0.196", "0.25", "0.45"])
+@pytest.mark.parametrize("colours", [False, True])
+def test_what_map_saver_wrote_for_unknown_is_unknown(
+    save_map: SaveMap, free_thresh: str, colours: bool
+) -> None:
+    """Its former default free_thresh, 0.25, would make it free."""
+
+    def read(pixels: list[list[int]]) -> list[list[int]]:
+        grey = np.array(pixels, dtype=np.uint8)
+        content = encoded(np.stack([grey] * 3, axis=-1), "png") if colours else pgm(grey)
+        return read_map(save_map(content, free_thresh=free_thresh)).data[::-1].tolist()
+
+    assert read([[0, 254, 205], [205, 254, 254]]) == [[100, 0, -1], [-1, 0, 0]]
+    # Where another grey says that it is another's image, it is read as map_server does.
+    unknown = -1 if free_thresh == "0.196" else 0
+    assert read([[0, 254, 205], [205, 254, 230]]) == [[100, 0, unknown], [unknown, 0, 0]]

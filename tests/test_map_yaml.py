@@ -32,6 +32,7 @@ def refusal(path: Path) -> str:
         *((field, None, "missing") for field in ("occupied_thresh", "free_thresh")),
         *(("image", value, "must be the name") for value in ("[a.pgm, b.pgm]", "", "''", "5", "{a: b}")),
         *(("resolution", value, "must be a number") for value in ("'0.05'", "fine", "true", "[0.05]", "")),
+        ("resolution", "'0.05'", "remove the quotes"),
         *(("resolution", value, "must be a finite number") for value in (".nan", ".inf", "1e999", "9" * 400)),
         *(("resolution", value, "must be a positive number") for value in ("0", "-0.05", "-0.0")),
         *(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mapmeld.errors import MapFileError
 from mapmeld.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from mapmeld.map_image import read_map_image
+from mapmeld.map_image import MapImage, read_map_image
 from mapmeld.map_yaml import MODES, YAML_SUFFIXES, MapMode, MapYaml, one_line, read_map_yaml
 
 ImageFormat = Literal["pgm", "png", "bmp"]
@@ -24,6 +24,7 @@ ImageFormat = Literal["pgm", "png", "bmp"]
 # (255 - 205) / 255 = 0.19608 occupied, which 0.196 leaves unknown and map_saver's own 0.25 would make free.
 _TRINARY_OCCUPIED, _TRINARY_FREE, _TRINARY_UNKNOWN = 0, 254, 205
 _TRINARY_THRESHOLDS = (0.65, 0.196)
+_UNKNOWN_OCCUPANCY = (255 - _TRINARY_UNKNOWN) / 255
 # Cells from and up to which write_map calls a cell occupied or free, in percent; map_saver's defaults.
 _OCCUPIED_FROM, _FREE_UP_TO = 65, 25
 
@@ -46,7 +47,9 @@ def read_map(path: str | os.PathLike[str], name: str | None = None) -> Occupancy
     This is how nav2_map_server (map_io.cpp) reads maps since navigation2 pull request 5071 (2025), but for
     colour, which it has weighed by luminance from then on, and for scale cells halfway between two values.
     Before, it averaged the colours, left a trinary cell exactly on a threshold unknown, and in trinary mode
-    averaged opacity with the colours. Trinary maps from map_saver read alike in all.
+    averaged opacity with the colours. Trinary maps from map_saver read alike in all, with one exception: its
+    former default, a free_thresh of 0.25, makes its own unknown pixels free. They are unknown here, where all
+    pixels are of the three that map_saver writes.
 
     Raises MapFileError, naming the file and the field, for a file that is missing, damaged or truncated, a
     field that is missing or out of range, and an image above map_image.MAX_CELLS pixels.
@@ -59,7 +62,10 @@ def read_map(path: str | os.PathLike[str], name: str | None = None) -> Occupancy
     except MapFileError as error:
         raise MapFileError(one_line(f"{yaml_path}: {error}")) from error
     # np.take and not [...], which makes indices of eight bytes of the levels first.
-    cells = np.take(_cell_of_level(fields, image.full_scale), image.levels)
+    cell_of_level = _cell_of_level(fields, image.full_scale)
+    if _takes_unknown_for_free(fields) and _is_of_map_saver(image):
+        cell_of_level[_TRINARY_UNKNOWN * image.full_scale // 255] = UNKNOWN
+    cells = np.take(cell_of_level, image.levels)
     if image.opaque is not None and fields.mode != "raw":
         cells[~image.opaque] = UNKNOWN
     return OccupancyGrid(cells[::-1], fields.resolution, fields.origin, name or yaml_path.stem)
@@ -125,6 +131,8 @@ def write_map(
 
 def check_is_yaml(path: Path) -> None:
     """Raises MapFileError for a file that by its name is no yaml, as an image is none; says which to pass."""
+    if not path.suffix and not os.path.lexists(path):
+        raise MapFileError(one_line(f"{path}: no such file or folder; check the path"))
     if path.suffix.lower() not in YAML_SUFFIXES and not path.is_dir():
         raise MapFileError(one_line(f"{path}: is not a .yaml file; {_advise_yaml(path)}"))
 
@@ -134,6 +142,23 @@ def _advise_yaml(path: Path) -> str:
         if (beside := path.with_name(f"{path.stem}{suffix}")).is_file():
             return f"pass {beside}"
     return "pass the yaml beside the image"
+
+
+def _takes_unknown_for_free(fields: MapYaml) -> bool:
+    """Whether the thresholds of a trinary map call free what map_saver writes for unknown."""
+    return fields.mode == "trinary" and not fields.negate and fields.free_thresh >= _UNKNOWN_OCCUPANCY
+
+
+def _is_of_map_saver(image: MapImage) -> bool:
+    """Whether the image has pixels for unknown and free cells as map_saver writes them, and no others but for
+    occupied ones."""
+    if image.full_scale % 255:
+        return False
+    levels = set(np.flatnonzero(np.bincount(image.levels.ravel())).tolist())
+    occupied, free, unknown = (
+        p * (image.full_scale // 255) for p in (_TRINARY_OCCUPIED, _TRINARY_FREE, _TRINARY_UNKNOWN)
+    )
+    return {free, unknown} <= levels <= {occupied, free, unknown}
 
 
 def _cell_of_level(fields: MapYaml, full_scale: int) -> NDArray[np.int8]:

@@ -163,7 +163,7 @@ def _problem(error: Exception) -> str:
 def _number(path: Path, field: str, value: object) -> float:
     # bool is an int to Python, and no number to whoever wrote the file.
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        _fail(path, f"{field}: must be a number, got {reprlib.repr(value)}")
+        _fail(path, f"{field}: must be a number, got {reprlib.repr(value)}{_unquoted(value)}")
     try:
         number = float(value)
     except OverflowError:
@@ -171,6 +171,14 @@ def _number(path: Path, field: str, value: object) -> float:
     if not math.isfinite(number):
         _fail(path, f"{field}: must be a finite number, got {number}")
     return number
+
+
+def _unquoted(value: object) -> str:
+    """What to do about a number that is quoted."""
+    try:
+        return "; remove the quotes" if isinstance(value, str) and math.isfinite(float(value)) else ""
+    except ValueError:
+        return ""
 
 
 def _threshold(path: Path, field: str, value: object) -> float:

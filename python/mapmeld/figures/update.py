@@ -17,7 +17,7 @@ from mapmeld.merging import merge
 from mapmeld.palette import RGB
 from mapmeld.report_raster import Layer
 
-SCENE = ("05_r5", "08_r8", "01_r1")
+SCENES = (("06_r6", "09_r9", "07_r7"), ("02_r2", "04_r4", "07_r7"), ("01_r1", "06_r6", "07_r7"))
 """Bundled maps: those merged so far, in order, and the next one. The next shares few walls with them, so that
 two places fit it nearly as well; few triples of these maps are as undecided."""
 
@@ -51,13 +51,14 @@ class UpdateFigure:
 
 
 def compute_update(study: Study) -> UpdateFigure | None:
-    """The update that leaves the more doubt, with the right place in front if possible: that of SCENE, where
+    """The update that leaves the more doubt, with the right place in front if possible: one of SCENES, where
     these maps are given, or of the pair of maps with the most of it. None when no particle has any doubt."""
     names = [grid.name for grid in study.grids]
     scenes = []
-    if all(name in names for name in SCENE):
-        *before, z = (names.index(name) for name in SCENE)
-        scenes.append((tuple(before), z))
+    for scene in SCENES:
+        if all(name in names for name in scene):
+            *before, z = (names.index(name) for name in scene)
+            scenes.append((tuple(before), z))
     if (pair := _most_doubtful_pair(study)) is not None:
         scenes.append(((pair[0],), pair[1]))
     updates = [u for before, z in scenes if (u := _update(study, before, z)) is not None]

@@ -80,6 +80,13 @@ def two_way_room(name: str, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     return OccupancyGrid(data, 0.05, origin, name)
 
 
+def clutter(rng: np.random.Generator, name: str) -> OccupancyGrid:
+    """Nothing but clutter, which costs much and merges with nothing: in pieces of three cells in a row, since
+    single ones would be taken for specks."""
+    pieces = np.where(rng.random((400, 133)) < 0.012, 100, 0)
+    return OccupancyGrid(np.kron(pieces, np.ones((1, 3), dtype=int)), 0.05, name=name)
+
+
 def blank(name: str = "blank") -> OccupancyGrid:
     return OccupancyGrid(np.full((20, 30), -1, dtype=np.int8), 0.1, (3.0, 4.0, 0.0), name)
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rooms
-from mapmeld import Estimate, Estimator, OccupancyGrid
+from mapmeld import Estimate, Estimator
 from mapmeld.errors import MapmeldError
 from mapmeld_ros.estimation import EstimationWorker
 
@@ -87,8 +87,7 @@ def busy_estimator() -> Estimator:
     rng = np.random.default_rng(3)
     estimator = Estimator()
     for k in range(BUSY):
-        data = np.where(rng.random((400, 400)) < 0.02, 100, 0)
-        estimator.update(OccupancyGrid(data, 0.05, name=f"map{k}"))
+        estimator.update(rooms.clutter(rng, f"map{k}"))
     return estimator
 
 

@@ -106,8 +106,7 @@ def test_an_estimate_that_newer_maps_overtake_gives_way(graph: Graph) -> None:
     graph.node(estimation_timeout=0.1)
     graph.publish(fleet, rooms.blank("last"))
     for k in range(38):
-        data = np.where(rng.random((400, 400)) < 0.02, 100, 0)
-        graph.publish(fleet, OccupancyGrid(data, 0.05, name=f"robot{k:02}"))
+        graph.publish(fleet, rooms.clutter(rng, f"robot{k:02}"))
     graph.wait("all to have joined", lambda: graph.estimates and len(graph.estimates[-1].robots) == 39)
     graph.spin(0.5)
     before = [r.status for e in graph.estimates for r in e.robots if r.robot == "last"]

@@ -20,6 +20,8 @@ from trust_cases import MapFile, MapPair
 Row = dict[str, Any]
 """JSON values by name."""
 
+STRANGERS = "different buildings"
+"""The group of pairs of maps that are of no one building."""
 EXACT_COPIES = ("wings", "symmetric")
 """Worlds that repeat themselves to the last chair: nothing in maps of two copies tells that they are two.
 Their own wrong answers are left out of the fit: they would teach that no evidence suffices."""
@@ -144,7 +146,7 @@ def _strangers(
         if one != two:
             break
     pair = MapPair(rng.choice(first[one]), rng.choice(second[two]))
-    return Asked(pair, "different buildings", tuple(sorted({one[0], two[0]})))
+    return Asked(pair, STRANGERS, tuple(sorted({one[0], two[0]})))
 
 
 def measure(asked: Asked) -> Row | None:
@@ -154,7 +156,7 @@ def measure(asked: Asked) -> Row | None:
     if weighed["features"] is None:
         return None
     right = False
-    if asked.group != "different buildings":
+    if asked.group != STRANGERS:
         verdict = trust_merges.judged(asked.pair, weighed["modes"][0]["T_a_b"])
         # Neither right nor wrong: nothing to learn from.
         if verdict is None or not (verdict.right or verdict.wrong):

@@ -17,7 +17,7 @@ from mapmeld import simulate as simulator
 from mapmeld.simulate import SimulateOptions, simulate, write_case
 from trust_cases import MapFile, MapPair
 
-WORLDS = ("maze", "office", "cells", "halls", "wings", "symmetric")
+WORLDS = ("maze", "office", "cells", "halls", "wings", "symmetric", "concourse", "warehouse")
 SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "maze": (None, (9.6, 9.6), (18.0, 12.0)),
     "office": (None, (26.0, 18.0), (56.0, 28.0)),
@@ -25,6 +25,8 @@ SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "halls": ((60.0, 30.0), (80.0, 40.0), None),
     "wings": (None, (36.0, 20.0), (74.0, 32.0)),
     "symmetric": (None, (20.0, 18.0), (40.0, 30.0)),
+    "concourse": ((60.0, 36.0), (44.0, 28.0), None),
+    "warehouse": ((44.0, 30.0), None, (36.0, 40.0)),
 }
 RESOLUTIONS = (0.05, 0.05, 0.1, 0.05, 0.04)
 _STRANGER_SEED, _APART_SEED, _WHOLE_SEED = 1000, 1500, 2000

@@ -123,11 +123,19 @@ def test_the_fit_finds_the_weights_it_was_made_with(monkeypatch: pytest.MonkeyPa
     true = np.array([-9.5, 2.0, -1.0, 0.0])
     features = rng.normal(size=(20_000, 3)) * [1.0, 3.0, 0.5] + [5.0, 1.0, -2.0]
     right = rng.random(20_000) < 1 / (1 + np.exp(-calibrate.log_odds(true, features)))
-    assert calibrate.fit(features, right) == pytest.approx(true, rel=0.1, abs=0.12)
+    once = np.ones(20_000)
+    found = calibrate.fit(features, right, once)
+    assert found == pytest.approx(true, rel=0.1, abs=0.12)
     # What the walls alone refuse teaches nothing.
     hopeless = np.column_stack([np.full(500, 1.0), np.zeros(500), np.zeros(500)])
     more = np.vstack([features, hopeless]), np.concatenate([right, np.ones(500, dtype=bool)])
-    assert calibrate.fit(*more) == pytest.approx(calibrate.fit(features, right))
+    assert calibrate.fit(*more, np.ones(20_500)) == pytest.approx(found)
+    # What counts twice counts as what is there twice.
+    some = features[:, 1] > 0.0
+    twice = np.vstack([features, features[some]]), np.concatenate([right, right[some]])
+    assert calibrate.fit(features, right, once + some) == pytest.approx(
+        calibrate.fit(*twice, np.ones(len(twice[1]))), rel=1e-2
+    )
 
 
 def test_what_is_left_out_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -215,10 +215,12 @@ def test_growing_maps_move_nobody_by_less_than_noise() -> None:
 
 
 def odd_hall(name: str) -> OccupancyGrid:
-    """A hall whose mirror image is another one."""
+    """An angled hall whose mirror image is another one."""
     plain = hall(name)
     data = np.array(plain.data)
     data[4:6, 4:14] = data[20:27, 36:38] = data[22:24, 6:12] = 100
+    data[18:, :15] = -1
+    data[18, :15] = data[18:, 14] = 100
     return OccupancyGrid(data, plain.resolution, plain.origin, name)
 
 

@@ -146,7 +146,11 @@ fn register(c: &mut Criterion) {
         t.iter(|| segments::candidates(black_box(&a.lines), &b.lines))
     });
     c.bench_function("candidates by correlation", |t| {
-        t.iter(|| correlation::candidates(black_box(a), b, correlation::THOROUGH))
+        t.iter(|| {
+            let (rotations, promising) =
+                correlation::rotations(black_box(a), b, correlation::THOROUGH);
+            correlation::candidates(a, b, &rotations[..promising], correlation::THOROUGH)
+        })
     });
     let t_a_b = frame(0).between(&frame(1));
     let p = &config.perception;

@@ -82,6 +82,8 @@ pub struct LocalMap {
     pub wall_length: f64,
     /// Share of it that lies on long straight walls, in [0, 1].
     pub straight_share: f64,
+    /// How much thicker its walls are drawn than sharp ones are, metres.
+    pub smear: f64,
     /// Distance between neighbouring wall samples, metres.
     pub spacing: f64,
     /// Cells that are taken for free and are not in the map, see [`specks`](crate::specks). Psi, D and the middle take
@@ -107,6 +109,8 @@ pub struct LocalMap {
 const STRAIGHT: f64 = 1.0;
 /// Thickness below which both sides of a wall are the same wall, metres.
 const THICK: f64 = 0.2;
+/// Occupied cells a wall cell that borders on free ones, up to which walls are drawn sharp.
+const SHARP: f64 = 1.5;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;
 /// Largest number of boundary points that the likelihood field can index.
@@ -132,6 +136,7 @@ impl LocalMap {
         let samples = sample_walls(seen, &boundary, &lines, config);
         let probes = probe::probes(&grid, &samples);
         let wall_length = boundary.len() as f64 * grid.resolution();
+        let thickness = grid.count(Class::Occupied) as f64 / boundary.len().max(1) as f64;
         let long = lines.iter().map(Line::length).filter(|l| *l >= STRAIGHT).sum::<f64>();
         // Lines and samples know every point; the field of a very large map looks up fewer.
         if boundary.len() > MAX_BOUNDARY {
@@ -148,6 +153,7 @@ impl LocalMap {
         Self {
             wall_length,
             straight_share: (long / wall_length.max(1e-9)).min(1.0),
+            smear: (thickness - SHARP).max(0.0) * grid.resolution(),
             spacing: config.perception.sample_spacing.max(grid.resolution()),
             specks: grid.count_differing(seen),
             center: grid.known_center(),

@@ -12,11 +12,14 @@ use crate::perception::WallEvidence;
 use crate::registration::{PairModes, Registered};
 
 /// Number of features, without the constant.
-pub const FEATURES: usize = 15;
+pub const FEATURES: usize = 17;
 
 /// Share of a pose's log-likelihood that chance may reach without making it less sure: so little is not looked for
 /// with care.
 pub const NEGLIGIBLE: f64 = 0.2;
+
+/// Smear of walls that counts one, metres, and the most that it counts: more was not seen where the model was fitted.
+const SMEAR: (f64, f64) = (0.04, 1.5);
 
 /// Maps among which chance is asked no more often than the fitted model expects.
 const FEW: usize = 32;
@@ -49,6 +52,9 @@ pub struct Background {
     pub walls: f64,
     /// Share of the walls that is long and straight, in the map that has less of it, in [0, 1].
     pub straight: f64,
+    /// How much thicker walls are drawn than sharp ones are, in the map where they are less so, metres: who draws a wall
+    /// in many places draws it in wrong ones, and what contradicts there weighs less.
+    pub smear: f64,
     /// Which degree of bending the maps are weighed at, 0 the finest.
     pub rung: usize,
     /// The best log-likelihood ratio that a mirror image reaches, nats.
@@ -60,10 +66,13 @@ pub struct Background {
 impl Background {
     /// Of some maps that are laid on each other.
     pub fn new<'m>(maps: impl Iterator<Item = &'m LocalMap>, rung: usize, decoy: f64) -> Self {
-        let (walls, straight) = maps.fold((0.0, 1.0), |(w, s), m| {
-            (f64::max(w, m.wall_length), f64::min(s, m.straight_share))
-        });
-        Self { walls, straight, rung, decoy, pairs: 1 }
+        let none = Self { walls: 0.0, straight: 1.0, smear: f64::INFINITY, rung, decoy, pairs: 1 };
+        maps.fold(none, |of, m| Self {
+            walls: of.walls.max(m.wall_length),
+            straight: of.straight.min(m.straight_share),
+            smear: of.smear.min(m.smear),
+            ..of
+        })
     }
 
     /// Of these maps and some others.
@@ -71,6 +80,7 @@ impl Background {
         Self {
             walls: self.walls.max(others.walls),
             straight: self.straight.min(others.straight),
+            smear: self.smear.min(others.smear),
             decoy: self.decoy.max(others.decoy),
             ..*self
         }
@@ -87,6 +97,7 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
     let cover = (e.shared_length + 1.0).ln() - of.walls.max(1.0).ln();
     // Bending fits anything to straight walls: it counts against them, less where much breaks the straightness.
     let bent_straight = of.rung as f64 * of.straight;
+    let smear = (of.smear / SMEAR.0).min(SMEAR.1);
     [
         e.log_likelihood.max(0.0).sqrt(),
         chance.max(NEGLIGIBLE * e.log_likelihood.max(0.0)).sqrt(),
@@ -107,6 +118,8 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
         bent_straight * e.distinct_hits.ln_1p(),
         // Bending that costs most of what it gains.
         e.bending / (e.log_likelihood.max(0.0) + 5.0),
+        smear,
+        smear * e.distinct_hits.ln_1p(),
     ]
 }
 

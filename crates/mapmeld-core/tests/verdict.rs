@@ -19,7 +19,7 @@ fn evidence(log_likelihood: f64) -> WallEvidence {
 }
 
 fn background() -> Background {
-    Background { walls: 100.0, straight: 0.6, rung: 0, decoy: 8.0, pairs: 1 }
+    Background { walls: 100.0, straight: 0.6, smear: 0.0, rung: 0, decoy: 8.0, pairs: 1 }
 }
 
 #[test]

@@ -6,11 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapmeld.errors import ConfigError
-from mapmeld.simulate.floorplan import Door, Floorplan
+from mapmeld.simulate.floorplan import Door, Floorplan, Size, chosen_size
 from mapmeld.simulate.rooms import RoomStyle, divide, row_of_rooms
-
-Size = tuple[float, float]
 
 _CORRIDOR = (1.6, 2.6)
 """Narrowest and widest corridor, in metres: no two buildings have the same."""
@@ -18,7 +15,7 @@ _CORRIDOR = (1.6, 2.6)
 
 def office(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Four rows of offices along two corridors, which two cross corridors join; no two rooms alike."""
-    width, height = _size(size, (40.0, 24.0), (20.0, 16.0), "an office")
+    width, height = chosen_size(size, (40.0, 24.0), (20.0, 16.0), "an office")
     corridor = float(rng.uniform(*_CORRIDOR))
     depths = rng.uniform(0.8, 1.2, 4)
     first, second, third, _ = (float(v) for v in np.cumsum(depths) / depths.sum() * (height - 2 * corridor))
@@ -42,7 +39,7 @@ def office(rng: np.random.Generator, size: Size | None, thickness: float) -> Flo
 
 def floor(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """A floor of any extent: corridors with offices on both sides every 13 m or so, cross ones every 30 m."""
-    width, height = _size(size, (100.0, 100.0), (20.0, 12.0), "a floor")
+    width, height = chosen_size(size, (100.0, 100.0), (20.0, 12.0), "a floor")
     rows = max(1, round(height / 13.0))
     corridors = rng.uniform(*_CORRIDOR, rows)
     depths = rng.uniform(0.8, 1.2, 2 * rows)
@@ -78,7 +75,7 @@ def floor(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
 
 def cells(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Offices of one size and door on both sides of a corridor; what tells one from the next is furniture."""
-    width, height = _size(size, (48.0, 14.0), (16.0, 10.0), "a row of cells")
+    width, height = chosen_size(size, (48.0, 14.0), (16.0, 10.0), "a row of cells")
     corridor, room = float(rng.uniform(*_CORRIDOR)), float(rng.uniform(2.8, 4.5))
     style = RoomStyle(width=(room, room), door=(0.9, 0.9), door_at=float(rng.uniform(0.25, 0.75)))
     low, high = (height - corridor) / 2, (height + corridor) / 2
@@ -93,7 +90,7 @@ def cells(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
 
 def halls(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Halls of 14 to 30 m, some with pillars, on both sides of a corridor as long as the building."""
-    width, height = _size(size, (120.0, 50.0), (40.0, 24.0), "a building of halls")
+    width, height = chosen_size(size, (120.0, 50.0), (40.0, 24.0), "a building of halls")
     corridor = float(rng.uniform(3.0, 5.0))
     plan = Floorplan(thickness)
     low, high = (height - corridor) / 2, (height + corridor) / 2
@@ -112,7 +109,7 @@ def halls(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
 
 def wings(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """Equal wings, a copy of one another, along a spine corridor; the rooms across the spine differ."""
-    width, height = _size(size, (60.0, 28.0), (26.0, 18.0), "a building of wings")
+    width, height = chosen_size(size, (60.0, 28.0), (26.0, 18.0), "a building of wings")
     corridor, spine = float(rng.uniform(*_CORRIDOR)), float(rng.uniform(2.4, 3.6))
     south, side = float(rng.uniform(4.0, 5.0)), float(rng.uniform(4.0, 5.0))
     base = south + spine
@@ -141,7 +138,7 @@ def wings(rng: np.random.Generator, size: Size | None, thickness: float) -> Floo
 
 def symmetric(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """A block around a ring of corridors that a turn by 180 degrees takes to itself, furniture included."""
-    width, height = _size(size, (30.0, 24.0), (16.0, 16.0), "a symmetric block")
+    width, height = chosen_size(size, (30.0, 24.0), (16.0, 16.0), "a symmetric block")
     corridor = float(rng.uniform(*_CORRIDOR))
     depth = (height - 2 * corridor) / 4
     low, high = height - depth - corridor, height - depth
@@ -182,11 +179,3 @@ def _hall(
         plan.solid(px, py, px + w, py + inward * d)
     centres = divide(rng, left, right, (8.0, 14.0))
     return [((a + b) / 2, float(rng.uniform(2.0, 3.0))) for a, b in pairwise(centres)]
-
-
-def _size(size: Size | None, default: Size, least: Size, what: str) -> Size:
-    if size is None:
-        return default
-    if size[0] < least[0] or size[1] < least[1]:
-        raise ConfigError(f"size: {what} needs at least {least[0]:g} x {least[1]:g} m, got {size}")
-    return size

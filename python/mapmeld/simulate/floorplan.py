@@ -9,12 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mapmeld.errors import ConfigError
 from mapmeld.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 Rectangle = tuple[float, float, float, float]
 """(x_min, y_min, x_max, y_max) in world metres."""
 Door = tuple[float, float]
 """(centre along the wall, width) in metres."""
+Size = tuple[float, float]
+"""(width, height) of a world in metres."""
 
 
 @dataclass
@@ -89,6 +92,15 @@ class Floorplan:
             for rectangle in rectangles:
                 _fill(data, np.array(rectangle) / resolution - np.tile(low, 2), value)
         return OccupancyGrid(data, resolution, (low[0] * resolution, low[1] * resolution, 0.0), name)
+
+
+def chosen_size(size: Size | None, default: Size, least: Size, what: str) -> Size:
+    """The size asked for, or the default. Raises ConfigError for one that is too small for `what`."""
+    if size is None:
+        return default
+    if size[0] < least[0] or size[1] < least[1]:
+        raise ConfigError(f"size: {what} needs at least {least[0]:g} x {least[1]:g} m, got {size}")
+    return size
 
 
 def _fill(data: NDArray[np.int8], box: NDArray[np.float64], value: int) -> None:

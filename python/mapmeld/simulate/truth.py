@@ -23,6 +23,8 @@ _SOURCES = {
     "halls": "simulated halls along a corridor",
     "wings": "simulated building of equal wings along a corridor",
     "symmetric": "simulated block that a turn by 180 degrees takes to itself",
+    "concourse": "simulated open floor of pillars and equal blocks",
+    "warehouse": "simulated rows of racks",
 }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mapmeld.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from mapmeld.simulate import buildings
+from mapmeld.simulate import buildings, open_floors
 from mapmeld.simulate.floorplan import Floorplan
 from mapmeld.simulate.maze import maze
 from mapmeld.simulate.options import WORLDS, SimulateOptions
@@ -42,6 +42,8 @@ def build_world(options: SimulateOptions) -> OccupancyGrid:
         "halls": buildings.halls,
         "wings": buildings.wings,
         "symmetric": buildings.symmetric,
+        "concourse": open_floors.concourse,
+        "warehouse": open_floors.warehouse,
     }
     plan = build[options.world](rng, options.size, options.wall_thickness or _BUILDING_WALL)
     cell = _FLOOR_CELL if options.world == "floor" else _BUILDING_CELL

@@ -191,9 +191,9 @@ stage! {
         min_probability: f64 = 0.75,
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
-        weights: [f64; 16] = [
-            -11.171, 0.262, -1.113, -0.658, 0.880, -1.098, -0.606, 1.905, 1.734, 1.994,
-            -6.006, -3.839, 1.308, -0.845, 1.244, -19.176,
+        weights: [f64; 18] = [
+            -8.213, 0.300, -0.917, -0.702, 0.900, -0.223, -0.944, 1.069, 1.411, 0.545,
+            -5.362, -1.758, 1.462, -0.770, 1.237, -11.656, -1.870, 1.125,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

@@ -42,24 +42,29 @@ const CONTRADICTION: f32 = 4.0;
 /// How much is spent on correlation.
 #[derive(Clone, Copy)]
 pub struct Effort {
-    /// Rotations at which all shifts are tried.
+    /// Most rotations at which all shifts are tried at first.
+    pub promising: usize,
+    /// Most rotations at which they are tried in all, where none of those leads to a pose that proves itself.
     pub rotations: usize,
     /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
     pub steps: f64,
 }
 
 /// Where a pose is looked for.
-pub const THOROUGH: Effort = Effort { rotations: 6, steps: 2.0 };
+pub const THOROUGH: Effort = Effort { promising: 6, rotations: 12, steps: 2.0 };
 
-/// Candidates for `T_a_b`, each with its score, the best first.
-pub fn candidates(a: &LocalMap, b: &LocalMap, effort: Effort) -> Vec<(f32, Candidate)> {
+/// Candidates for `T_a_b` at some rotations of b's axes into a's, radians, each with its score, the best first.
+pub fn candidates(
+    a: &LocalMap,
+    b: &LocalMap,
+    rotations: &[f64],
+    effort: Effort,
+) -> Vec<(f32, Candidate)> {
     if a.probes.is_empty() || b.probes.is_empty() {
         return Vec::new();
     }
-    let turns: Vec<Turned> = promising(&a.turns, &b.turns, effort.rotations)
-        .into_iter()
-        .map(|theta| Turned::new(&a.coarse, &b.probes, theta))
-        .collect();
+    let turns: Vec<Turned> =
+        rotations.iter().map(|theta| Turned::new(&a.coarse, &b.probes, *theta)).collect();
     let mut peaks: Vec<(f32, usize, Shift)> = Vec::new();
     for (k, turned) in turns.iter().enumerate() {
         // Nothing in there runs in parallel: another pair on this thread would find the memory taken.
@@ -116,35 +121,59 @@ fn dot(x: &[f32; BINS], y: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// The most promising rotations of b's axes into a's, radians, at least six degrees apart, as far as they promise
-/// nearly as much as the best.
-fn promising(a: &[f32; BINS], b: &[f32; BINS], most: usize) -> Vec<f64> {
+/// The most promising rotations of b's axes into a's, radians, at least six degrees apart; and how many of them promise
+/// nearly as much as the best. The others follow by how much the walls agree there, long ones before many: round
+/// columns and clutter have all directions and hide where one long wall of both lies.
+pub fn rotations(a: &LocalMap, b: &LocalMap, effort: Effort) -> (Vec<f64>, usize) {
+    let score = spectrum(&a.turns, &b.turns);
+    let order = descending(&score);
+    let nearly = |k: &usize| score[*k] >= PROMISING * score[order[0]];
+    let mut kept: Vec<Bin> = Vec::new();
+    keep_apart(&mut kept, order.iter().copied().take_while(nearly), effort.promising, &score);
+    let promising = kept.len();
+    if effort.rotations > promising {
+        let square = |x: &[f32; BINS]| x.map(|v| v * v);
+        let score = spectrum(&square(&a.turns), &square(&b.turns));
+        keep_apart(&mut kept, descending(&score).into_iter(), effort.rotations, &score);
+    }
+    (kept.into_iter().map(|(_, theta)| theta).collect(), promising)
+}
+
+/// A rotation as a bin, and in radians.
+type Bin = (usize, f64);
+
+/// What each rotation promises: the circular correlation of two histograms of wall normals.
+fn spectrum(a: &[f32; BINS], b: &[f32; BINS]) -> [f32; BINS] {
     let twice: Vec<f32> = a.iter().chain(a).copied().collect();
-    let score: Vec<f32> = (0..BINS).map(|k| dot(b, &twice[k..k + BINS])).collect();
+    std::array::from_fn(|k| dot(b, &twice[k..k + BINS]))
+}
+
+fn descending(score: &[f32; BINS]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..BINS).collect();
     order.sort_by(|x, y| score[*y].total_cmp(&score[*x]).then(x.cmp(y)));
-    let mut kept: Vec<usize> = Vec::new();
+    order
+}
+
+/// Adds rotations that lie at least six degrees from each other until there are so many.
+fn keep_apart(
+    kept: &mut Vec<Bin>,
+    order: impl Iterator<Item = usize>,
+    most: usize,
+    score: &[f32; BINS],
+) {
     for k in order {
-        let apart = |j: &usize| (k + BINS - j) % BINS >= 6 && (j + BINS - k) % BINS >= 6;
-        if kept.first().is_some_and(|best| score[k] < PROMISING * score[*best]) {
+        if kept.len() >= most {
             break;
         }
+        let apart = |j: &Bin| (k + BINS - j.0) % BINS >= 6 && (j.0 + BINS - k) % BINS >= 6;
         if kept.iter().all(apart) {
-            kept.push(k);
-            if kept.len() == most {
-                break;
-            }
-        }
-    }
-    kept.into_iter()
-        .map(|k| {
             // The peak between the bins, by a parabola.
             let (l, m, r) = (score[(k + BINS - 1) % BINS], score[k], score[(k + 1) % BINS]);
             let bend = l - 2.0 * m + r;
             let shift = if bend < -1e-9 { (0.5 * (l - r) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-            (k as f64 + f64::from(shift)) * TAU / BINS as f64
-        })
-        .collect()
+            kept.push((k, (k as f64 + f64::from(shift)) * TAU / BINS as f64));
+        }
+    }
 }
 
 /// How many fine cells (rows, columns) the turned map is shifted.

@@ -67,7 +67,9 @@ pub struct Found {
 /// What every source proposes for `T_a_b`, unrefined.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = of_structures(a, b, config);
-    found.extend(correlation::candidates(a, b, correlation::THOROUGH).into_iter().map(|(_, c)| c));
+    let (rotations, _) = correlation::rotations(a, b, correlation::THOROUGH);
+    let correlated = correlation::candidates(a, b, &rotations, correlation::THOROUGH);
+    found.extend(correlated.into_iter().map(|(_, c)| c));
     found
 }
 
@@ -125,11 +127,20 @@ impl<'s> Search<'s> {
             true => of_structures(a, b, self.config),
             false => Vec::new(),
         };
-        let correlated = correlation::candidates(a, b, self.effort.correlation);
-        let candidates = structures.len() + correlated.len() + hints.len();
-        let correlated = correlated.into_iter().map(|(_, c)| c).collect();
-
-        let begun = self.begun(self.looked_at(structures, correlated));
+        let mut candidates = structures.len() + hints.len();
+        let (rotations, promising) = correlation::rotations(a, b, self.effort.correlation);
+        let (promising, others) = rotations.split_at(promising);
+        let mut begin = |structures: Vec<Candidate>, rotations: &[f64]| {
+            let found = correlation::candidates(a, b, rotations, self.effort.correlation);
+            candidates += found.len();
+            let correlated = found.into_iter().map(|(_, c)| c).collect();
+            self.begun(self.looked_at(structures, correlated))
+        };
+        let mut begun = begin(structures, promising);
+        // Round columns and clutter have all directions: what the walls promise may be far from the truth.
+        if !begun.iter().any(is_proven) {
+            begun.extend(begin(Vec::new(), others));
+        }
         let hints: Vec<Candidate> =
             hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }).collect();
         // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
@@ -169,10 +180,10 @@ impl<'s> Search<'s> {
             }
             let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };
             let (c, fits) = self.weigh(Candidate { t_a_b, ..*c }, 2 * FIRST_SAMPLES);
-            if fits.iter().any(|l| *l >= PROVEN) {
+            begun.push((c, fits));
+            if begun.last().is_some_and(is_proven) {
                 bar = bar.max(RIVAL * look);
             }
-            begun.push((c, fits));
         }
         begun
     }
@@ -277,6 +288,11 @@ impl<'s> Search<'s> {
         }
         kept
     }
+}
+
+/// Whether a pose has proven itself at some standard deviation of the walls.
+fn is_proven((_, fits): &Weighed) -> bool {
+    fits.iter().any(|l| *l >= PROVEN)
 }
 
 fn poses(scored: Vec<Scored>) -> Vec<Candidate> {

@@ -33,8 +33,8 @@ RIDGE = 0.5
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
 SAME_BUILDING = 1.25
 """Weight of a wrong row of one building beside any other: who merges maps has them from one building, where
-what looks alike is rarely so by chance, while most rows here are of strangers. Up to here left-out buildings
-gain most; at 2 as many wrong ones again are spared, and a maze falls in two that one narrow place joins."""
+what looks alike is rarely so by chance, while most rows here are of strangers. At more, hand-held maps that
+were left out are lost faster than wrong merges."""
 FITTED_FROM = 4.0
 """Log-likelihood ratio of a row, nats, from which it is fitted: what shows less is never merged."""
 EVIDENCE = default_config()["evidence"]

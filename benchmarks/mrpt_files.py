@@ -44,7 +44,7 @@ def read_grid(path: Path, name: str) -> OccupancyGrid:
 
 
 def read_scans(path: Path) -> Scans:
-    """The key frames of a .simplemap.gz file, each with one scan."""
+    """The key frames of a .simplemap.gz file, each with one scan from right to left, all of one aperture."""
     data = gzip.decompress(path.read_bytes())
     poses, ranges, at, aperture = [], [], 0, 0.0
     while (at := data.find(b"CPose3DPDFGaussian", at)) >= 0:

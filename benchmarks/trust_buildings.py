@@ -26,7 +26,7 @@ SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "wings": (None, (36.0, 20.0), (74.0, 32.0)),
     "symmetric": (None, (20.0, 18.0), (40.0, 30.0)),
     "concourse": ((60.0, 36.0), (44.0, 28.0), None),
-    "warehouse": ((44.0, 30.0), None, (36.0, 40.0)),
+    "warehouse": ((44.0, 36.0), None, (36.0, 44.0)),
 }
 RESOLUTIONS = (0.05, 0.05, 0.1, 0.05, 0.04)
 _STRANGER_SEED, _APART_SEED, _WHOLE_SEED = 1000, 1500, 2000

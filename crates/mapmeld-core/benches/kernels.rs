@@ -148,7 +148,7 @@ fn register(c: &mut Criterion) {
     c.bench_function("candidates by correlation", |t| {
         t.iter(|| {
             let (rotations, promising) =
-                correlation::rotations(black_box(a), b, correlation::THOROUGH);
+                correlation::rotations(&black_box(a).turns, &b.turns, correlation::THOROUGH);
             correlation::candidates(a, b, &rotations[..promising], correlation::THOROUGH)
         })
     });

@@ -82,7 +82,7 @@ pub struct LocalMap {
     pub wall_length: f64,
     /// Share of it that lies on long straight walls, in [0, 1].
     pub straight_share: f64,
-    /// How much thicker its walls are drawn than sharp ones are, metres.
+    /// How much deeper half of its walls are drawn than sharp ones are, metres.
     pub smear: f64,
     /// Distance between neighbouring wall samples, metres.
     pub spacing: f64,
@@ -109,8 +109,10 @@ pub struct LocalMap {
 const STRAIGHT: f64 = 1.0;
 /// Thickness below which both sides of a wall are the same wall, metres.
 const THICK: f64 = 0.2;
-/// Occupied cells a wall cell that borders on free ones, up to which walls are drawn sharp.
+/// Depth up to which walls are drawn sharp, cells.
 const SHARP: f64 = 1.5;
+/// Depth to which a wall's depth is followed, cells.
+const DEEPEST: usize = 12;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;
 /// Largest number of boundary points that the likelihood field can index.
@@ -136,7 +138,7 @@ impl LocalMap {
         let samples = sample_walls(seen, &boundary, &lines, config);
         let probes = probe::probes(&grid, &samples);
         let wall_length = boundary.len() as f64 * grid.resolution();
-        let thickness = grid.count(Class::Occupied) as f64 / boundary.len().max(1) as f64;
+        let smear = (median_depth(seen, &boundary) - SHARP).max(0.0) * grid.resolution();
         let long = lines.iter().map(Line::length).filter(|l| *l >= STRAIGHT).sum::<f64>();
         // Lines and samples know every point; the field of a very large map looks up fewer.
         if boundary.len() > MAX_BOUNDARY {
@@ -153,7 +155,7 @@ impl LocalMap {
         Self {
             wall_length,
             straight_share: (long / wall_length.max(1e-9)).min(1.0),
-            smear: (thickness - SHARP).max(0.0) * grid.resolution(),
+            smear,
             spacing: config.perception.sample_spacing.max(grid.resolution()),
             specks: grid.count_differing(seen),
             center: grid.known_center(),
@@ -243,6 +245,31 @@ pub fn class_cells(grid: &OccupancyGrid, class: Class, max: usize) -> ClassCells
     }
     let scale = if centers.is_empty() { 0.0 } else { total as f64 / centers.len() as f64 };
     ClassCells { centers, scale }
+}
+
+/// How deep half of the walls are behind their faces, along the normals, in cells; zero without walls.
+fn median_depth(grid: &OccupancyGrid, boundary: &[BoundaryPoint]) -> f64 {
+    let (width, height) = (grid.width(), grid.height());
+    let to_axes = grid.origin().inverse().to_rigid();
+    let depth = |p: &BoundaryPoint| {
+        let n = to_axes.rotate(p.normal);
+        let (x, y) = (p.cell as usize % width, p.cell as usize / width);
+        // From the middle of the face's cell, half a cell a step.
+        let is_wall = |k: &usize| {
+            let at = 0.5 * *k as f64;
+            let (x, y) = (x as f64 + 0.5 - at * n.x, y as f64 + 0.5 - at * n.y);
+            let is_inside = x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64;
+            is_inside && class_of(grid.cells()[y as usize * width + x as usize]) == Class::Occupied
+        };
+        (1..=2 * DEEPEST).take_while(is_wall).count()
+    };
+    let mut depths: Vec<usize> = boundary.iter().map(depth).collect();
+    if depths.is_empty() {
+        return 0.0;
+    }
+    let middle = depths.len() / 2;
+    // Half a cell lies before the middle.
+    0.5 + 0.5 * *depths.select_nth_unstable(middle).1 as f64
 }
 
 /// Thins the boundary to a spacing and shares out the evidence: neighbouring wall points are

@@ -18,7 +18,7 @@ pub const FEATURES: usize = 17;
 /// with care.
 pub const NEGLIGIBLE: f64 = 0.2;
 
-/// Smear of walls that counts one, metres, and the most that it counts: more was not seen where the model was fitted.
+/// Smear of walls that counts one, metres, and the most that it counts: what is thicker yet is no worse a map.
 const SMEAR: (f64, f64) = (0.04, 1.5);
 
 /// Maps among which chance is asked no more often than the fitted model expects.
@@ -52,8 +52,8 @@ pub struct Background {
     pub walls: f64,
     /// Share of the walls that is long and straight, in the map that has less of it, in [0, 1].
     pub straight: f64,
-    /// How much thicker walls are drawn than sharp ones are, in the map where they are less so, metres: who draws a wall
-    /// in many places draws it in wrong ones, and what contradicts there weighs less.
+    /// How much deeper walls are drawn than sharp ones are, in the map where they are less so, metres: who draws a wall in
+    /// many places draws it in wrong ones, so where much is distinct, what contradicts weighs less.
     pub smear: f64,
     /// Which degree of bending the maps are weighed at, 0 the finest.
     pub rung: usize,
@@ -66,7 +66,7 @@ pub struct Background {
 impl Background {
     /// Of some maps that are laid on each other.
     pub fn new<'m>(maps: impl Iterator<Item = &'m LocalMap>, rung: usize, decoy: f64) -> Self {
-        let none = Self { walls: 0.0, straight: 1.0, smear: f64::INFINITY, rung, decoy, pairs: 1 };
+        let none = Self { walls: 0.0, straight: 1.0, smear: f64::MAX, rung, decoy, pairs: 1 };
         maps.fold(none, |of, m| Self {
             walls: of.walls.max(m.wall_length),
             straight: of.straight.min(m.straight_share),

@@ -199,3 +199,19 @@ fn similar_corners_propose_the_true_motion() {
         assert!(found.len() < a.corners.len() * b.corners.len(), "not every pair is similar");
     }
 }
+
+#[test]
+fn how_thick_walls_are_drawn_is_seen_in_every_frame() {
+    let outline = [(0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0), (0.0, 0.0)];
+    let drawn = |half: f64, cell: f64, t: &Se2| {
+        let plan = Plan { half, ..Plan::default() }.floor([0.0, 0.0, 6.0, 4.0]).wall(&outline);
+        LocalMap::new(plan.draw("room", t, cell, everything), &Config::default()).smear
+    };
+    for t in frames() {
+        for cell in [0.05, 0.1] {
+            assert!(drawn(0.5 * cell, cell, &t) < 0.3 * cell, "a cell thick");
+            let thick = drawn(2.0 * cell, cell, &t) / cell;
+            assert!((thick - 2.5).abs() < 1.1, "{thick} beyond a cell and a half, of four");
+        }
+    }
+}

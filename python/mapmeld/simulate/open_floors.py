@@ -19,7 +19,7 @@ _SLABS = 9
 def concourse(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
     """An open floor with round pillars in a lattice around equal blocks at equal distances.
 
-    The sides of the blocks are bays, alike from block to block but for one in four; kiosks stand about.
+    The sides of the blocks are bays, alike from block to block but for one in six; kiosks stand about.
     """
     width, height = chosen_size(size, (80.0, 50.0), (36.0, 24.0), "a concourse")
     plan = Floorplan(thickness)
@@ -34,14 +34,13 @@ def concourse(rng: np.random.Generator, size: Size | None, thickness: float) -> 
         left = way + k * (long + way)
         _block(plan, rng, (left, way, left + long, way + deep), bay, usual)
     pitch, radius = float(rng.uniform(4.0, 9.0)), float(rng.uniform(0.15, 0.45))
-    blocked = list(plan.solids)
     for x in np.arange(pitch / 2, width - 1.0, pitch):
         for y in (way / 2, height - (height - way - deep) / 2):
             _pillar(plan, float(x), y, radius)
     for x in (way / 2 + k * (long + way) for k in range(count + 1)):
         for y in np.arange(way + pitch / 2, way + deep - 1.0, pitch):
             _pillar(plan, x, float(y), radius)
-    _stand_about(plan, rng, (0.0, 0.0, width, height), blocked, round(width * height / 150.0))
+    _stand_about(plan, rng, (0.0, 0.0, width, height), round(width * height / 150.0))
     return plan
 
 
@@ -50,7 +49,7 @@ def warehouse(rng: np.random.Generator, size: Size | None, thickness: float) -> 
 
     A laser sees the posts of the racks and what stands between them.
     """
-    width, height = chosen_size(size, (60.0, 40.0), (30.0, 24.0), "a warehouse")
+    width, height = chosen_size(size, (60.0, 40.0), (30.0, 34.0), "a warehouse")
     plan = Floorplan(thickness)
     plan.room(0.0, 0.0, width, height)
     apron, office = float(rng.uniform(6.0, 9.0)), float(rng.uniform(4.0, 6.0))
@@ -59,16 +58,16 @@ def warehouse(rng: np.random.Generator, size: Size | None, thickness: float) -> 
     row_of_rooms(plan, rng, (0.0, width * 0.4), height - office, height)
     aisle, bay, deep = (float(rng.uniform(*r)) for r in ((2.6, 3.6), (2.4, 3.6), (0.9, 1.2)))
     cross = float(rng.uniform(2.5, 4.0))
-    middle = (apron + height - office) / 2
+    middle = (apron + height - office - cross) / 2
     full = float(rng.uniform(0.4, 0.8))
     for x in np.arange(2.0, width - 2.0 - 2 * deep, 2 * deep + aisle):
         for low, high in ((apron, middle - cross / 2), (middle + cross / 2, height - office - cross)):
             for side in (0.0, deep):
                 _rack(plan, rng, (float(x) + side, low, high), bay, deep, full)
     for x in np.arange(2.0 + deep, width - 2.0, 2 * (2 * deep + aisle)):
-        # Pillars of the roof stand between the two racks of a row, and in line with them on the apron.
+        # Pillars of the roof, in line with every second row.
         plan.solid(float(x) - 0.2, apron / 2 - 0.2, float(x) + 0.2, apron / 2 + 0.2)
-    _stand_about(plan, rng, (0.0, 0.0, width, apron), list(plan.solids), round(width / 10.0))
+    _stand_about(plan, rng, (0.0, 0.0, width, apron), round(width / 10.0))
     return plan
 
 
@@ -79,7 +78,7 @@ def _block(
     bay: float,
     usual: dict[str, NDArray[np.float64]],
 ) -> None:
-    """A block whose sides have a niche, a pier or nothing in each bay; one bay in four is not as usual."""
+    """A block whose sides have a niche, a pier or nothing in each bay; one bay in four is drawn anew."""
     x0, y0, x1, y1 = box
     depth = 0.6
     plan.solid(x0 + depth, y0 + depth, x1 - depth, y1 - depth)
@@ -144,12 +143,11 @@ def _stand_about(
     plan: Floorplan,
     rng: np.random.Generator,
     floor: Rectangle,
-    walls: list[Rectangle],
     count: int,
 ) -> None:
     """Boxes of 0.5 to 2 m, each with room to pass around it."""
     x0, y0, x1, y1 = floor
-    taken = list(walls)
+    taken = list(plan.solids)
     for _ in range(count):
         w, d = (float(v) for v in rng.uniform(0.5, 2.0, 2))
         x, y = float(rng.uniform(x0 + 1.5, x1 - 1.5 - w)), float(rng.uniform(y0 + 1.5, y1 - 1.5 - d))

@@ -192,8 +192,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 18] = [
-            -8.213, 0.300, -0.917, -0.702, 0.900, -0.223, -0.944, 1.069, 1.411, 0.545,
-            -5.362, -1.758, 1.462, -0.770, 1.237, -11.656, -1.870, 1.125,
+            -9.562, 0.334, -0.988, -0.577, 1.002, -0.291, -0.951, 0.882, 1.655, 1.335,
+            -4.080, -1.714, 1.346, -0.816, 0.947, -10.852, -1.695, 0.977,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

@@ -44,14 +44,14 @@ const CONTRADICTION: f32 = 4.0;
 pub struct Effort {
     /// Most rotations at which all shifts are tried at first.
     pub promising: usize,
-    /// Most rotations at which they are tried in all, where none of those leads to a pose that proves itself.
-    pub rotations: usize,
+    /// Most further rotations at which they are tried where none of those leads to a pose that proves itself.
+    pub further: usize,
     /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
     pub steps: f64,
 }
 
 /// Where a pose is looked for.
-pub const THOROUGH: Effort = Effort { promising: 6, rotations: 12, steps: 2.0 };
+pub const THOROUGH: Effort = Effort { promising: 6, further: 8, steps: 2.0 };
 
 /// Candidates for `T_a_b` at some rotations of b's axes into a's, radians, each with its score, the best first.
 pub fn candidates(
@@ -122,19 +122,24 @@ fn dot(x: &[f32; BINS], y: &[f32]) -> f32 {
 }
 
 /// The most promising rotations of b's axes into a's, radians, at least six degrees apart; and how many of them promise
-/// nearly as much as the best. The others follow by how much the walls agree there, long ones before many: round
+/// nearly as much as the best, given how their walls turn, see [`turns`]. The others follow by how much the walls agree there, long ones before many: round
 /// columns and clutter have all directions and hide where one long wall of both lies.
-pub fn rotations(a: &LocalMap, b: &LocalMap, effort: Effort) -> (Vec<f64>, usize) {
-    let score = spectrum(&a.turns, &b.turns);
+pub fn rotations(a: &[f32; BINS], b: &[f32; BINS], effort: Effort) -> (Vec<f64>, usize) {
+    let score = spectrum(a, b);
     let order = descending(&score);
     let nearly = |k: &usize| score[*k] >= PROMISING * score[order[0]];
     let mut kept: Vec<Bin> = Vec::new();
     keep_apart(&mut kept, order.iter().copied().take_while(nearly), effort.promising, &score);
     let promising = kept.len();
-    if effort.rotations > promising {
+    if effort.further > 0 {
         let square = |x: &[f32; BINS]| x.map(|v| v * v);
-        let score = spectrum(&square(&a.turns), &square(&b.turns));
-        keep_apart(&mut kept, descending(&score).into_iter(), effort.rotations, &score);
+        let score = spectrum(&square(a), &square(b));
+        // No flanks of peaks that are there already.
+        let is_peak = |k: &usize| {
+            [1, 2, BINS - 2, BINS - 1].iter().all(|off| score[(k + off) % BINS] < score[*k])
+        };
+        let peaks = descending(&score).into_iter().filter(is_peak);
+        keep_apart(&mut kept, peaks, promising + effort.further, &score);
     }
     (kept.into_iter().map(|(_, theta)| theta).collect(), promising)
 }
@@ -381,4 +386,64 @@ fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
     }
     tops.sort_unstable_by(best_first);
     tops
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Square roots of how much wall of each direction a map shows: peaks over pillars, which show all of them.
+    fn shown(pillars: f32, peaks: &[(usize, f32)]) -> [f32; BINS] {
+        let mut shown = [pillars; BINS];
+        peaks.iter().for_each(|(at, height)| shown[*at] += height);
+        shown.map(f32::sqrt)
+    }
+
+    fn is_among(rotations: &[f64], degrees: f64) -> bool {
+        rotations
+            .iter()
+            .any(|r| ((r.to_degrees() - degrees).rem_euclid(360.0) - 180.0).abs() > 179.0)
+    }
+
+    #[test]
+    fn one_long_wall_of_both_maps_is_found_among_pillars() {
+        // The wall at 20 degrees of a is b's at 110; the rest are different places that look alike.
+        let a = shown(1.0, &[(20, 90.0), (60, 40.0), (180, 40.0), (300, 40.0)]);
+        let b = shown(1.0, &[(110, 90.0), (75, 60.0), (195, 60.0), (315, 60.0)]);
+        let few = Effort { promising: 6, further: 0, steps: 1.0 };
+        let (first, promising) = rotations(&a, &b, few);
+        assert_eq!(first.len(), promising);
+        let (all, same) = rotations(&a, &b, THOROUGH);
+        assert_eq!((&all[..promising], same), (&first[..], promising));
+        assert!(all.len() <= promising + THOROUGH.further);
+        assert!(!is_among(&first, 270.0) && is_among(&all, 270.0), "{all:?}");
+        for (k, x) in all.iter().enumerate() {
+            for y in &all[..k] {
+                let apart = (x - y).to_degrees().rem_euclid(360.0);
+                assert!(apart.min(360.0 - apart) > 4.9, "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn flanks_of_right_angled_walls_are_not_tried() {
+        let wide = |at: usize| {
+            (0..7)
+                .map(move |k| ((at + BINS + k - 3) % BINS, 90.0 / (1.0 + (k as f32 - 3.0).powi(2))))
+        };
+        let walls = |turn: usize| -> [f32; BINS] {
+            let peaks: Vec<_> = (0..4).flat_map(|q| wide(turn + 90 * q)).collect();
+            shown(1.0, &peaks)
+        };
+        let (found, promising) = rotations(&walls(30), &walls(75), THOROUGH);
+        assert_eq!((promising, found.len()), (4, 4), "{found:?}");
+        let is_diagonal = |r: &f64| ((r.to_degrees() + 45.0) % 90.0 - 45.0).abs() > 44.0;
+        assert!(found.iter().all(is_diagonal), "{found:?}");
+    }
+
+    #[test]
+    fn maps_that_show_no_direction_have_rotations_all_the_same() {
+        let round = shown(1.0, &[]);
+        assert_eq!(rotations(&round, &round, THOROUGH).1, THOROUGH.promising);
+    }
 }

@@ -64,12 +64,15 @@ pub struct Found {
     pub tops: Vec<Vec<Candidate>>,
 }
 
-/// What every source proposes for `T_a_b`, unrefined.
+/// What every source proposes for `T_a_b`, unrefined, and what it proposes where none of that proves itself.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = of_structures(a, b, config);
-    let (rotations, _) = correlation::rotations(a, b, correlation::THOROUGH);
-    let correlated = correlation::candidates(a, b, &rotations, correlation::THOROUGH);
-    found.extend(correlated.into_iter().map(|(_, c)| c));
+    let (rotations, promising) = correlation::rotations(&a.turns, &b.turns, correlation::THOROUGH);
+    let (promising, others) = rotations.split_at(promising);
+    for some in [promising, others] {
+        let correlated = correlation::candidates(a, b, some, correlation::THOROUGH);
+        found.extend(correlated.into_iter().map(|(_, c)| c));
+    }
     found
 }
 
@@ -127,8 +130,11 @@ impl<'s> Search<'s> {
             true => of_structures(a, b, self.config),
             false => Vec::new(),
         };
+        let hints: Vec<Candidate> =
+            hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }).collect();
         let mut candidates = structures.len() + hints.len();
-        let (rotations, promising) = correlation::rotations(a, b, self.effort.correlation);
+        let (rotations, promising) =
+            correlation::rotations(&a.turns, &b.turns, self.effort.correlation);
         let (promising, others) = rotations.split_at(promising);
         let mut begin = |structures: Vec<Candidate>, rotations: &[f64]| {
             let found = correlation::candidates(a, b, rotations, self.effort.correlation);
@@ -138,11 +144,10 @@ impl<'s> Search<'s> {
         };
         let mut begun = begin(structures, promising);
         // Round columns and clutter have all directions: what the walls promise may be far from the truth.
-        if !begun.iter().any(is_proven) {
+        let is_known = |c: &Candidate| is_proven(&self.weigh(*c, 2 * FIRST_SAMPLES));
+        if !begun.iter().any(is_proven) && !hints.iter().any(is_known) {
             begun.extend(begin(Vec::new(), others));
         }
-        let hints: Vec<Candidate> =
-            hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }).collect();
         // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
         // what either finds is tried at all of them.
         let mut ends = vec![0, self.rungs.len() - 1];

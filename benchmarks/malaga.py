@@ -6,7 +6,7 @@
 MRPT's example data (Debian: mrpt-common) hold a laser log of a hall with round pillars in Malaga, with poses
 by SLAM, and a grid map of the campus about it: four wings alike, a hundred metres long, and rows of pillars.
 Maps are drawn of stretches of the log, no scan in two of them, and of robots that drive in the grid map. What
-failed here led to the second round of rotations and to the generated concourse, so it is no blind test of those.
+failed here led to the second round of rotations and to the generated concourse: it is no blind test of those.
 """
 
 from __future__ import annotations

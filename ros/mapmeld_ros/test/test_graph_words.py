@@ -40,10 +40,10 @@ def test_a_map_of_another_size_raises_a_warning(graph: Graph, shared_data: Path)
     node = graph.node()
     fleet = graph.fleet()
     first, second = recorded(shared_data, "seattle_ov50")
-    larger = OccupancyGrid(second.data, 1.04 * second.resolution, second.origin, second.name)
+    larger = OccupancyGrid(second.data, 1.03 * second.resolution, second.origin, second.name)
     for grid in (first, larger):
         graph.publish(fleet, grid)
-    wait_said(graph, node, "map robot2 would fit robot1 better at 0.96 times its size")
+    wait_said(graph, node, "map robot2 would fit robot1 better at 0.97 times its size")
 
 
 def test_a_map_without_floor_raises_a_warning(graph: Graph, shared_data: Path) -> None:

@@ -16,7 +16,9 @@ use mapmeld_core::parallel;
 use mapmeld_core::perception::psi::Comparison;
 use mapmeld_core::perception::{gamma, likelihood, placed, psi, Overlay};
 use mapmeld_core::refine;
-use mapmeld_core::registration::{corners as corner_source, correlation, pair, segments};
+use mapmeld_core::registration::{
+    corners as corner_source, correlation, pair, rotations, segments,
+};
 use mapmeld_core::result::Known;
 use mapmeld_core::se2::{Se2, Vec2};
 use mapmeld_core::structure::{corners, lines};
@@ -148,7 +150,7 @@ fn register(c: &mut Criterion) {
     c.bench_function("candidates by correlation", |t| {
         t.iter(|| {
             let (rotations, promising) =
-                correlation::rotations(&black_box(a).turns, &b.turns, correlation::THOROUGH);
+                rotations::proposed(&black_box(a).turns, &b.turns, correlation::THOROUGH);
             correlation::candidates(a, b, &rotations[..promising], correlation::THOROUGH)
         })
     });

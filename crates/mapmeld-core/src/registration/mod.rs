@@ -10,6 +10,7 @@ pub mod corners;
 pub mod correlation;
 pub mod glance;
 pub mod pair;
+pub mod rotations;
 pub mod search;
 pub mod segments;
 pub mod stretch;

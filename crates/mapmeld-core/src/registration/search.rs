@@ -8,7 +8,7 @@ use crate::registration::{
     climb::{self, Climb, STILL},
     corners, correlation,
     glance::{self, Glance, Look},
-    segments, Candidate, Source,
+    rotations, segments, Candidate, Source,
 };
 use crate::se2::{Se2, Vec2};
 
@@ -67,7 +67,7 @@ pub struct Found {
 /// What every source proposes for `T_a_b`, unrefined, and what it proposes where none of that proves itself.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = of_structures(a, b, config);
-    let (rotations, promising) = correlation::rotations(&a.turns, &b.turns, correlation::THOROUGH);
+    let (rotations, promising) = rotations::proposed(&a.turns, &b.turns, correlation::THOROUGH);
     let (promising, others) = rotations.split_at(promising);
     for some in [promising, others] {
         let correlated = correlation::candidates(a, b, some, correlation::THOROUGH);
@@ -134,7 +134,7 @@ impl<'s> Search<'s> {
             hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }).collect();
         let mut candidates = structures.len() + hints.len();
         let (rotations, promising) =
-            correlation::rotations(&a.turns, &b.turns, self.effort.correlation);
+            rotations::proposed(&a.turns, &b.turns, self.effort.correlation);
         let (promising, others) = rotations.split_at(promising);
         let mut begin = |structures: Vec<Candidate>, rotations: &[f64]| {
             let found = correlation::candidates(a, b, rotations, self.effort.correlation);

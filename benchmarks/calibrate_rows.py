@@ -25,6 +25,12 @@ STRANGERS = "different buildings"
 EXACT_COPIES = ("wings", "symmetric")
 """Worlds that repeat themselves to the last chair: nothing in maps of two copies tells that they are two.
 Their own wrong answers are left out of the fit: they would teach that no evidence suffices."""
+RADII: dict[str, tuple[float | None, ...]] = {
+    "maze": (None, None, 5.0),
+    "home": (None, 3.5, 5.0, None),
+    "corridors": (None, 15.0, 25.0, None),
+}
+"""How far the robots of some worlds go, in turn, metres."""
 _SEED, _DRIFTED_SEED, _RECORDED_SEED = 100, 300, 200
 
 
@@ -56,6 +62,7 @@ def buildings(scale: float, cache: Path) -> list[Building]:
 
 
 def _generated(world: str, seed: int, drift: float, k: int) -> SimulateOptions:
+    radii = RADII.get(world, (None, 8.0, 12.0, None))
     return SimulateOptions(
         world=world,
         seed=seed,
@@ -63,7 +70,7 @@ def _generated(world: str, seed: int, drift: float, k: int) -> SimulateOptions:
         size=trust_buildings.SIZES[world][k % 3],
         resolution=trust_buildings.RESOLUTIONS[k % 5],
         drift=drift,
-        region_radius=(None, None, 5.0)[k % 3] if world == "maze" else (None, 8.0, 12.0, None)[k % 4],
+        region_radius=radii[k % len(radii)],
     )
 
 

@@ -4,30 +4,16 @@ from __future__ import annotations
 
 import gzip
 import struct
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drawn_cases import Scans
 from mapmeld import OccupancyGrid, se2
 from mapmeld.grid import FREE, OCCUPIED, UNKNOWN
 
 _FREE_FROM, _OCCUPIED_TO = 7, -7
 """Log-odds of being free, in sixteenths: probabilities of 0.6 and 0.4."""
-
-
-@dataclass(frozen=True)
-class Scans:
-    """Laser scans and where they were taken.
-
-    poses: shape (scans, 3), T_world_laser as (x, y, theta) in metres and radians. ranges: shape
-    (scans, beams), metres. angles: shape (beams,), of the beams, radians.
-    """
-
-    poses: NDArray[np.float64]
-    ranges: NDArray[np.float64]
-    angles: NDArray[np.float64]
 
 
 def read_grid(path: Path, name: str) -> OccupancyGrid:

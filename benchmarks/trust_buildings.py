@@ -17,7 +17,9 @@ from mapmeld import simulate as simulator
 from mapmeld.simulate import SimulateOptions, simulate, write_case
 from trust_cases import MapFile, MapPair
 
-WORLDS = ("maze", "office", "cells", "halls", "wings", "symmetric", "concourse", "warehouse")
+WORLDS = (
+    "maze", "office", "cells", "halls", "wings", "symmetric", "concourse", "warehouse", "home", "corridors",
+)  # fmt: skip
 SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "maze": (None, (9.6, 9.6), (18.0, 12.0)),
     "office": (None, (26.0, 18.0), (56.0, 28.0)),
@@ -27,7 +29,11 @@ SIZES: dict[str, tuple[tuple[float, float] | None, ...]] = {
     "symmetric": (None, (20.0, 18.0), (40.0, 30.0)),
     "concourse": ((60.0, 36.0), (44.0, 28.0), None),
     "warehouse": ((44.0, 36.0), None, (36.0, 44.0)),
+    "home": (None, (9.0, 7.5), (18.0, 12.0)),
+    "corridors": ((70.0, 40.0), None, (110.0, 36.0)),
 }
+NEAR = {"maze": 3.0, "home": 3.0, "corridors": 15.0}
+"""How far robots go where they are to have little in common, metres; six in the other worlds."""
 RESOLUTIONS = (0.05, 0.05, 0.1, 0.05, 0.04)
 _STRANGER_SEED, _APART_SEED, _WHOLE_SEED = 1000, 1500, 2000
 
@@ -88,8 +94,8 @@ def scattered(count: int, cache: Path, worlds: Sequence[str] = WORLDS) -> list[B
                 world=world,
                 seed=_APART_SEED + k,
                 robots=6,
-                region_radius=3.0 if world == "maze" else 6.0,
-                path_length=18.0 if world == "maze" else 36.0,
+                region_radius=NEAR.get(world, 6.0),
+                path_length=6.0 * NEAR.get(world, 6.0),
                 max_range=4.0 if world == "maze" else 8.0,
                 drift=float(k % 2),
             ),

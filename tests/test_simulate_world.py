@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mapmeld import se2
-from mapmeld.errors import MapmeldError
+from mapmeld.errors import ConfigError, MapmeldError
 from mapmeld.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from mapmeld.map_io import write_map
 from mapmeld.simulate import WORLDS, SimulatedCase, SimulateOptions, simulate
@@ -66,14 +67,38 @@ def test_density_sets_the_number_of_panels() -> None:
 @pytest.mark.parametrize("world", WORLDS)
 def test_every_world_has_rooms_that_can_be_reached(world: str) -> None:
     grid = build_world(SimulateOptions(world=world, seed=3))
-    space = FreeSpace(grid, 0.2)
-    floor = float((grid.data == FREE).sum()) * grid.resolution**2
-    # What is out of reach is the strip along walls and furniture, not a room.
-    assert space.area > 0.7 * floor
+    assert _reached(grid) > 0.97
     if world == "halls":
         assert grid.width * grid.resolution >= 100.0
     if world == "symmetric":
         assert np.array_equal(grid.data == OCCUPIED, (grid.data == OCCUPIED)[::-1, ::-1])
+
+
+LEAST = {"concourse": (36.0, 24.0), "warehouse": (30.0, 34.0), "home": (7.0, 6.0), "corridors": (40.0, 25.0)}
+
+
+@pytest.mark.parametrize("world", LEAST)
+@pytest.mark.parametrize("seed", range(6))
+def test_worlds_of_the_least_size_can_be_driven(world: str, seed: int) -> None:
+    size = LEAST[world]
+    grid = build_world(SimulateOptions(world=world, seed=seed, size=size))
+    assert grid.width * grid.resolution == pytest.approx(size[0], abs=0.3)
+    assert grid.height * grid.resolution == pytest.approx(size[1], abs=0.3)
+    assert _reached(grid) > 0.9
+    with pytest.raises(ConfigError, match="size: "):
+        build_world(SimulateOptions(world=world, seed=seed, size=(size[0], size[1] - 1.0)))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_room_of_a_home_has_a_door(seed: int) -> None:
+    assert _reached(build_world(SimulateOptions(world="home", seed=seed, size=(16.0, 12.0)))) > 0.9
+
+
+def _reached(grid: OccupancyGrid) -> float:
+    """Share of the floor where a robot may stand that it gets to."""
+    radius = 0.2
+    open_floor = ~dilate(grid.data != FREE, math.ceil(radius / grid.resolution))
+    return FreeSpace(grid, radius).area / (float(open_floor.sum()) * grid.resolution**2)
 
 
 @pytest.mark.parametrize("world", [w for w in WORLDS if w != "maze"])

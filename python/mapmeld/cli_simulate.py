@@ -28,8 +28,8 @@ def simulate(
     world: Annotated[
         str | None,
         typer.Option(
-            help="maze, office, floor, cells, halls, wings, symmetric, concourse, warehouse, or a map's "
-            "yaml file; maze.",
+            help="maze, office, floor, cells, halls, wings, symmetric, concourse, warehouse, home, "
+            "corridors, or a map's yaml file; maze.",
             show_default=False,
         ),
     ] = None,

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 from mapmeld.errors import ConfigError
 
-WORLDS = ("maze", "office", "floor", "cells", "halls", "wings", "symmetric", "concourse", "warehouse")
+WORLDS = (
+    "maze", "office", "floor", "cells", "halls", "wings", "symmetric", "concourse", "warehouse", "home",
+    "corridors",
+)  # fmt: skip
 """The worlds that are generated from the seed; any other world is the path of a map file."""
 
 _POSITIVE = (

@@ -25,6 +25,8 @@ _SOURCES = {
     "symmetric": "simulated block that a turn by 180 degrees takes to itself",
     "concourse": "simulated open floor of pillars and equal blocks",
     "warehouse": "simulated rows of racks",
+    "home": "simulated home, furnished",
+    "corridors": "simulated rings of long corridors",
 }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mapmeld.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from mapmeld.simulate import buildings, open_floors
+from mapmeld.simulate import buildings, corridors, homes, open_floors
 from mapmeld.simulate.floorplan import Floorplan
 from mapmeld.simulate.maze import maze
 from mapmeld.simulate.options import WORLDS, SimulateOptions
@@ -44,6 +44,8 @@ def build_world(options: SimulateOptions) -> OccupancyGrid:
         "symmetric": buildings.symmetric,
         "concourse": open_floors.concourse,
         "warehouse": open_floors.warehouse,
+        "home": homes.home,
+        "corridors": corridors.corridors,
     }
     plan = build[options.world](rng, options.size, options.wall_thickness or _BUILDING_WALL)
     cell = _FLOOR_CELL if options.world == "floor" else _BUILDING_CELL

@@ -209,6 +209,11 @@ impl LocalMap {
         self.reach_cells as f64 * self.grid.resolution()
     }
 
+    /// Open floor beside a metre of wall, metres.
+    pub fn openness(&self) -> f64 {
+        self.floor.total / self.wall_length.max(1e-9)
+    }
+
     /// True when nothing is known: such a map can be placed nowhere.
     pub fn is_blank(&self) -> bool {
         self.center.is_none()

@@ -12,7 +12,7 @@ use crate::perception::WallEvidence;
 use crate::registration::{PairModes, Registered};
 
 /// Number of features, without the constant.
-pub const FEATURES: usize = 17;
+pub const FEATURES: usize = 18;
 
 /// Share of a pose's log-likelihood that chance may reach without making it less sure: so little is not looked for
 /// with care.
@@ -21,6 +21,10 @@ pub const NEGLIGIBLE: f64 = 0.2;
 /// Smear of walls that counts one, metres, and the most that it counts: between one and three
 /// times the first, the most made no difference to buildings left out.
 const SMEAR: (f64, f64) = (0.04, 1.5);
+
+/// Share of opposed walls, and a little more, below which it tells nothing: who builds thick walls has none that are
+/// seen from both sides.
+const FEW_OPPOSED: f64 = 0.1;
 
 /// Maps among which chance is asked no more often than the fitted model expects.
 const FEW: usize = 32;
@@ -56,6 +60,8 @@ pub struct Background {
     /// How much deeper walls are drawn than sharp ones are, in the map where they are less so, metres: who draws a wall in
     /// many places draws it in wrong ones, so where much is distinct, what contradicts weighs less.
     pub smear: f64,
+    /// Open floor beside a metre of wall, in the map that has less of it, metres.
+    pub openness: f64,
     /// Which degree of bending the maps are weighed at, 0 the finest.
     pub rung: usize,
     /// The best log-likelihood ratio that a mirror image reaches, nats.
@@ -67,11 +73,14 @@ pub struct Background {
 impl Background {
     /// Of some maps that are laid on each other.
     pub fn new<'m>(maps: impl Iterator<Item = &'m LocalMap>, rung: usize, decoy: f64) -> Self {
-        let none = Self { walls: 0.0, straight: 1.0, smear: f64::MAX, rung, decoy, pairs: 1 };
+        let most = f64::MAX;
+        let none =
+            Self { walls: 0.0, straight: 1.0, smear: most, openness: most, rung, decoy, pairs: 1 };
         maps.fold(none, |of, m| Self {
             walls: of.walls.max(m.wall_length),
             straight: of.straight.min(m.straight_share),
             smear: of.smear.min(m.smear),
+            openness: of.openness.min(m.openness()),
             ..of
         })
     }
@@ -82,6 +91,7 @@ impl Background {
             walls: self.walls.max(others.walls),
             straight: self.straight.min(others.straight),
             smear: self.smear.min(others.smear),
+            openness: self.openness.min(others.openness),
             decoy: self.decoy.max(others.decoy),
             ..*self
         }
@@ -96,12 +106,14 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
     // cell into a large share.
     let share = |part: f64| part / (part + e.hits + 5.0);
     let cover = (e.shared_length + 1.0).ln() - of.walls.max(1.0).ln();
-    // Bending fits anything to straight walls: it counts against them, less where much breaks the straightness.
-    let bent_straight = of.rung as f64 * of.straight;
     let smear = (of.smear / SMEAR.0).min(SMEAR.1);
+    let most = e.log_likelihood.max(0.0);
+    let chance = chance.max(NEGLIGIBLE * most);
+    // Walls laid on the backs of others share no floor; who sees walls together sees the floor before them.
+    let floor_of_walls = e.shared_length * of.openness;
     [
-        e.log_likelihood.max(0.0).sqrt(),
-        chance.max(NEGLIGIBLE * e.log_likelihood.max(0.0)).sqrt(),
+        most.sqrt(),
+        chance.sqrt(),
         e.shared_length / (e.shared_floor + 1.0),
         // Its square: the less there is, the more the rest of it tells.
         (share(e.conflicts) + 0.03).ln().powi(2),
@@ -111,16 +123,19 @@ pub fn features(e: &WallEvidence, chance: f64, of: &Background) -> [f64; FEATURE
         e.shared_floor.ln_1p(),
         // What breaks the straightness is what makes a place unique.
         e.distinct_hits.ln_1p() - e.hits.ln_1p(),
-        bent_straight,
+        // Bending fits anything to straight walls: it counts against them.
+        of.rung as f64 * of.straight,
         (e.spread / e.hits.max(1e-9)).min(3.0),
         // Panels as thin as a cell are seen from both sides.
-        (share(e.opposed) + 0.03).ln(),
+        (share(e.opposed) + 0.03).max(FEW_OPPOSED).ln(),
         cover * cover,
-        bent_straight * e.distinct_hits.ln_1p(),
         // Bending that costs most of what it gains.
-        e.bending / (e.log_likelihood.max(0.0) + 5.0),
+        e.bending / (most + 5.0),
         smear,
         smear * e.distinct_hits.ln_1p(),
+        // In long corridors chance reaches much; what matters there is what the rest adds.
+        (most - chance).max(0.0).sqrt(),
+        e.shared_floor.ln_1p() - floor_of_walls.ln_1p(),
     ]
 }
 

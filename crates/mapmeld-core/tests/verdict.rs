@@ -19,7 +19,15 @@ fn evidence(log_likelihood: f64) -> WallEvidence {
 }
 
 fn background() -> Background {
-    Background { walls: 100.0, straight: 0.6, smear: 0.0, rung: 0, decoy: 8.0, pairs: 1 }
+    Background {
+        walls: 100.0,
+        straight: 0.6,
+        smear: 0.0,
+        openness: 1.0,
+        rung: 0,
+        decoy: 8.0,
+        pairs: 1,
+    }
 }
 
 #[test]
@@ -77,4 +85,32 @@ fn what_speaks_against_a_pose_lowers_its_probability() {
     assert!(at(&WallEvidence { bending: 60.0, ..plain }, 8.0) < p, "dear bending");
     assert!(at(&WallEvidence { log_likelihood: 4.0, ..plain }, 0.0) < 0.5, "less than six nats");
     assert!(at(&WallEvidence { shared_floor: 2.0, ..plain }, 8.0) < p, "walls glued back to back");
+}
+
+#[test]
+fn what_chance_reaches_in_long_corridors_does_not_hide_what_the_rest_adds() {
+    let config = EvidenceConfig::default();
+    let corridor = WallEvidence { conflicts: 1.5, ..evidence(180.0) };
+    let at = |chance: f64| probability(&corridor, chance, &background(), &config);
+    assert!(at(110.0) > config.min_probability, "{}", at(110.0));
+    assert!(at(175.0) < config.min_probability, "{}", at(175.0));
+}
+
+#[test]
+fn as_much_floor_is_shared_as_lies_beside_the_walls() {
+    let config = EvidenceConfig::default();
+    let e = evidence(40.0);
+    let of =
+        |openness: f64| probability(&e, 8.0, &Background { openness, ..background() }, &config);
+    assert!(of(6.0) < of(1.0) && of(1.0) < of(0.5), "{} {} {}", of(6.0), of(1.0), of(0.5));
+}
+
+#[test]
+fn walls_too_thick_to_be_seen_from_both_sides_are_no_worse() {
+    let config = EvidenceConfig::default();
+    let of = |opposed: f64| {
+        probability(&WallEvidence { opposed, ..evidence(40.0) }, 8.0, &background(), &config)
+    };
+    assert_eq!(of(0.0), of(1.0));
+    assert!(of(12.0) > of(1.0), "thin ones, seen by both from their own side");
 }

@@ -191,9 +191,9 @@ stage! {
         min_probability: f64 = 0.75,
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
-        weights: [f64; 18] = [
-            -9.562, 0.334, -0.988, -0.577, 1.002, -0.291, -0.951, 0.882, 1.655, 1.335,
-            -4.080, -1.714, 1.346, -0.816, 0.947, -10.852, -1.695, 0.977,
+        weights: [f64; 19] = [
+            -8.858, -0.092, -0.705, -0.336, 1.033, -0.378, -1.179, 1.566, 1.315, 1.699,
+            -0.912, -3.418, 2.490, -0.891, -8.842, -0.548, 0.713, 0.346, 1.270,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

@@ -17,6 +17,8 @@ pub struct Floor {
     points: Vec<Block>,
     /// What each point stands for, square metres.
     area: f64,
+    /// All of it, square metres.
+    pub total: f64,
 }
 
 impl Floor {
@@ -41,15 +43,16 @@ impl Floor {
             }
             before += open;
         }
-        let area = if kept == 0 { 0.0 } else { all as f64 / kept as f64 * cell * cell };
-        Self { points: blocks::of(&points), area }
+        let total = all as f64 * cell * cell;
+        let area = if kept == 0 { 0.0 } else { total / kept as f64 };
+        Self { points: blocks::of(&points), area, total }
     }
 
     /// That of the mirror image of a grid so many metres wide.
     pub fn mirrored(&self, width: f64) -> Self {
         let mirror =
             |block: &Block| Block { x: block.x.map(|x| width as f32 - x), ..block.clone() };
-        Self { points: self.points.iter().map(mirror).collect(), area: self.area }
+        Self { points: self.points.iter().map(mirror).collect(), ..*self }
     }
 
     /// How much of it is free in other maps, square metres: where several know a point, each has its share of the word.

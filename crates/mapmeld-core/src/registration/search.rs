@@ -136,17 +136,19 @@ impl<'s> Search<'s> {
         let (rotations, promising) =
             rotations::proposed(&a.turns, &b.turns, self.effort.correlation);
         let (promising, others) = rotations.split_at(promising);
-        let mut begin = |structures: Vec<Candidate>, rotations: &[f64]| {
+        let mut look = |structures: Vec<Candidate>, rotations: &[f64]| {
             let found = correlation::candidates(a, b, rotations, self.effort.correlation);
             candidates += found.len();
-            let correlated = found.into_iter().map(|(_, c)| c).collect();
-            self.begun(self.looked_at(structures, correlated))
+            self.looked_at(structures, found.into_iter().map(|(_, c)| c).collect())
         };
-        let mut begun = begin(structures, promising);
+        let looked_at = look(structures, promising);
+        let mut begun = self.begun(&looked_at, self.effort.least_look);
         // Round columns and clutter have all directions: what the walls promise may be far from the truth.
         let is_known = |c: &Candidate| is_proven(&self.weigh(*c, 2 * FIRST_SAMPLES));
         if !begun.iter().any(is_proven) && !hints.iter().any(is_known) {
-            begun.extend(begin(Vec::new(), others));
+            // There are more poses at more rotations: some of them look well whatever the maps are.
+            let least = looked_at.get(2 * BEGUN - 1).map_or(f64::NEG_INFINITY, |(look, _)| *look);
+            begun.extend(self.begun(&look(Vec::new(), others), least.max(self.effort.least_look)));
         }
         // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
         // what either finds is tried at all of them.
@@ -173,14 +175,15 @@ impl<'s> Search<'s> {
         self.distinct(looks, 3 * shortlist / 2)
     }
 
-    /// The first steps uphill. What looks far worse than a pose that has proven itself meanwhile takes none.
-    fn begun(&self, looked_at: Vec<Scored>) -> Vec<Weighed> {
+    /// The first steps uphill. What looks worse than `least` takes none, nor what looks far worse than a pose that has
+    /// proven itself meanwhile.
+    fn begun(&self, looked_at: &[Scored], least: f64) -> Vec<Weighed> {
         let climb = Climb { steps: FIRST_STEPS, ..self.climb(FIRST_SAMPLES) };
         let rung = &self.rungs[self.rungs.len() / 2];
         let mut begun: Vec<Weighed> = Vec::new();
         let mut bar = f64::NEG_INFINITY;
         for (k, (look, c)) in looked_at.iter().enumerate() {
-            if (k >= BEGUN && *look < bar) || *look < self.effort.least_look {
+            if (k >= BEGUN && *look < bar) || *look < least {
                 break;
             }
             let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };

@@ -31,7 +31,7 @@ from mapmeld import default_config
 
 RIDGE = 0.5
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
-SAME_BUILDING = 1.25
+SAME_BUILDING = 1.6
 """Weight of a wrong row of one building beside any other: who merges maps has them from one building, where
 what looks alike is rarely so by chance, while most rows here are of strangers. At more, hand-held maps that
 were left out are lost faster than wrong merges."""

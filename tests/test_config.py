@@ -24,7 +24,7 @@ OTHER = {
     "perception.more_bent": [
         {"climb_sigma": 0.2, "wall_sigma": 0.1, "bend_shift": 0.3, "bend_turn": 0.05},
     ],
-    "evidence.weights": [0.5] * 18,
+    "evidence.weights": [0.5] * 19,
 }
 
 

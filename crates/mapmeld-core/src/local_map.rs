@@ -16,7 +16,7 @@ use crate::grid::{class_of, Class, OccupancyGrid};
 use crate::ground::Ground;
 use crate::likelihood_field::{LikelihoodField, ProbeView};
 use crate::probe::{self, Axes, Probe};
-use crate::registration::{coarse_table::CoarseTable, rotations};
+use crate::registration::{coarse_table::CoarseTable, rotations::Turns};
 use crate::se2::Vec2;
 use crate::specks;
 use crate::structure::{corners, lines, Corner, Line};
@@ -74,8 +74,8 @@ pub struct LocalMap {
     pub probes: Vec<Probe>,
     /// The same as thousands of poses ask them.
     pub blocks: Blocks,
-    /// Weight of the walls by direction in the grid's axes, see [`rotations::turns`].
-    pub turns: Box<[f32; rotations::BINS]>,
+    /// Weight of the walls by direction in the grid's axes.
+    pub turns: Turns,
     /// The wall samples in patches of a few metres.
     pub patches: Vec<Patch>,
     /// Length of all walls, every side counted, metres.
@@ -166,7 +166,7 @@ impl LocalMap {
             lines,
             corners,
             patches: patches::of(&samples, &probes),
-            turns: Box::new(rotations::turns(&probes)),
+            turns: Turns::new(&probes),
             blocks: Blocks::new(&probes),
             probes,
             samples,

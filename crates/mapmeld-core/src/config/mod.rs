@@ -192,8 +192,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 19] = [
-            -8.858, -0.092, -0.705, -0.336, 1.033, -0.378, -1.179, 1.566, 1.315, 1.699,
-            -0.912, -3.418, 2.490, -0.891, -8.842, -0.548, 0.713, 0.346, 1.270,
+            -8.816, -0.238, -0.586, -0.470, 1.038, -0.416, -1.007, 1.642, 1.087, 1.366,
+            -0.424, -3.595, 2.316, -0.862, -5.173, -1.055, 0.861, 0.404, 1.222,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

@@ -5,7 +5,7 @@ use crate::blocks::Blocks;
 use crate::boundary::BoundaryPoint;
 use crate::local_map::{LocalMap, Patch, WallSample};
 use crate::probe::Probe;
-use crate::registration::{coarse_table::CoarseTable, rotations};
+use crate::registration::{coarse_table::CoarseTable, rotations::Turns};
 use crate::se2::{Se2, Vec2};
 use crate::structure::{Corner, Line};
 use std::sync::OnceLock;
@@ -104,7 +104,7 @@ impl LocalMap {
         let ground = self.ground.mirrored(columns);
         Self {
             coarse: CoarseTable::new(&grid, &boundary, &field, &ground),
-            turns: Box::new(rotations::turns(&probes)),
+            turns: Turns::new(&probes),
             blocks: Blocks::new(&probes),
             lines: self.lines.iter().map(|l| mirror.line(l)).collect(),
             corners: self.corners.iter().map(|c| mirror.corner(c)).collect(),

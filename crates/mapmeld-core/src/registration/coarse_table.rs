@@ -12,7 +12,7 @@ use crate::probe::Axes;
 /// Side of a coarse cell, metres, where the table stays small enough.
 const CELL: f64 = 0.2;
 /// Most coarse cells of a map; larger maps are correlated more coarsely.
-const MAX_CELLS: f64 = 40_000.0;
+const MAX_CELLS: f64 = 100_000.0;
 /// Distance at which a wall is half as good as in place, metres beyond half a coarse cell.
 const BLUR: f64 = 0.15;
 /// Depth in free space from which a wall contradicts, metres beyond half a coarse cell.

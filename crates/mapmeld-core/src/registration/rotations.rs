@@ -5,26 +5,53 @@ use crate::registration::correlation::Effort;
 use std::f64::consts::TAU;
 
 /// Bins of a full turn: one degree each.
-pub const BINS: usize = 360;
+const BINS: usize = 360;
+/// Fine bins in one of those.
+const FINE: usize = 8;
+/// How far from a rotation the exact one is looked for, fine bins: the histogram is smoothed over three degrees.
+const NEAR: usize = 3 * FINE / 2;
 /// Share of what the best rotation promises that another must promise: walls of few directions leave few rotations.
 const PROMISING: f32 = 0.95;
 
-/// Square roots of the weight of the wall normals by direction, smoothed over about three degrees. Square roots:
-/// long walls of one direction must not hide the rest.
-pub fn turns(probes: &[Probe]) -> [f32; BINS] {
-    let mut raw = [0.0; BINS];
-    for p in probes {
-        raw[usize::from(p.direction) * BINS / 65536] += p.weight;
+/// How the walls of a map turn: the weight of their normals by direction.
+#[derive(Debug, Clone)]
+pub struct Turns {
+    /// Square roots, smoothed over about three degrees: long walls of one direction must not hide the rest.
+    roots: Box<[f32; BINS]>,
+    /// As it is, smoothed over half a degree: long walls tell their direction best.
+    fine: Box<[f32; BINS * FINE]>,
+}
+
+impl Turns {
+    /// From wall samples in the grid's axes.
+    pub fn new(probes: &[Probe]) -> Self {
+        let mut raw = [0.0; BINS];
+        let mut finely = vec![0.0; BINS * FINE];
+        for p in probes {
+            raw[usize::from(p.direction) * BINS / 65536] += p.weight;
+            finely[usize::from(p.direction) * (BINS * FINE) / 65536] += p.weight;
+        }
+        let rough = smoothed(&raw, &[0.05, 0.25, 0.6, 1.0, 0.6, 0.25, 0.05]);
+        let roots = rough.into_iter().map(f32::sqrt).collect();
+        let fine = smoothed(&finely, &[0.2, 0.5, 0.8, 1.0, 0.8, 0.5, 0.2]);
+        let sized = "as many as there are bins";
+        Self {
+            roots: Vec::try_into(roots).map(Box::new).expect(sized),
+            fine: Vec::try_into(fine).map(Box::new).expect(sized),
+        }
     }
-    let kernel = [0.05, 0.25, 0.6, 1.0, 0.6, 0.25, 0.05];
-    std::array::from_fn(|k| {
-        let at = |i: usize| raw[(k + BINS + i - 3) % BINS];
-        kernel.iter().enumerate().map(|(i, w)| w * at(i)).sum::<f32>().sqrt()
-    })
+}
+
+/// A histogram of directions, each bin with its neighbours.
+fn smoothed(raw: &[f32], kernel: &[f32; 7]) -> Vec<f32> {
+    let n = raw.len();
+    let at = |k: usize, i: usize| raw[(k + n + i - 3) % n];
+    (0..n).map(|k| kernel.iter().enumerate().map(|(i, w)| w * at(k, i)).sum()).collect()
 }
 
 /// In lanes: one sum would wait for each of its terms.
-fn dot(x: &[f32; BINS], y: &[f32]) -> f32 {
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn dot(x: &[f32], y: &[f32]) -> f32 {
     let mut sums = [0.0; 8];
     for (x, y) in x.chunks_exact(8).zip(y.chunks_exact(8)) {
         (0..8).for_each(|k| sums[k] += x[k] * y[k]);
@@ -33,30 +60,54 @@ fn dot(x: &[f32; BINS], y: &[f32]) -> f32 {
 }
 
 /// The most promising rotations of b's axes into a's, radians, at least six degrees apart, and how many of them promise
-/// nearly as much as the best; from how their walls turn, see [`turns`]. The others follow by how much the walls agree
-/// there, long ones before many: round columns and clutter have all directions and hide where one long wall of both lies.
-pub fn proposed(a: &[f32; BINS], b: &[f32; BINS], effort: Effort) -> (Vec<f64>, usize) {
-    let score = spectrum(a, b);
+/// nearly as much as the best. The others follow by how much the walls agree there, long ones before many: round
+/// columns and clutter have all directions and hide where one long wall of both lies.
+pub fn proposed(a: &Turns, b: &Turns, effort: Effort) -> (Vec<f64>, usize) {
+    let score = spectrum(&a.roots, &b.roots);
     let order = descending(&score);
     let nearly = |k: &usize| score[*k] >= PROMISING * score[order[0]];
-    let mut kept: Vec<Bin> = Vec::new();
-    keep_apart(&mut kept, order.iter().copied().take_while(nearly), effort.promising, &score);
+    let mut kept: Vec<usize> = Vec::new();
+    keep_apart(&mut kept, order.iter().copied().take_while(nearly), effort.promising);
     let promising = kept.len();
     if effort.further > 0 {
         let square = |x: &[f32; BINS]| x.map(|v| v * v);
-        let score = spectrum(&square(a), &square(b));
+        let score = spectrum(&square(&a.roots), &square(&b.roots));
         // No flanks of peaks that are there already.
         let is_peak = |k: &usize| {
             [1, 2, BINS - 2, BINS - 1].iter().all(|off| score[(k + off) % BINS] < score[*k])
         };
         let peaks = descending(&score).into_iter().filter(is_peak);
-        keep_apart(&mut kept, peaks, promising + effort.further, &score);
+        keep_apart(&mut kept, peaks, promising + effort.further);
     }
-    (kept.into_iter().map(|(_, theta)| theta).collect(), promising)
+    let twice: Vec<f32> = a.fine.iter().chain(a.fine.iter()).copied().collect();
+    (kept.into_iter().map(|k| exactly(k, &twice, &b.fine[..])).collect(), promising)
 }
 
-/// A rotation as a bin, and in radians.
-type Bin = (usize, f64);
+/// The rotation near a bin at which the long walls agree best, radians: half a degree of a wall of fifty metres is half a
+/// metre at its end. `twice`: a's fine histogram, two turns of it.
+fn exactly(bin: usize, twice: &[f32], b: &[f32]) -> f64 {
+    let n = b.len();
+    let first = bin * FINE + n - NEAR;
+    let score: Vec<f32> = (0..=2 * NEAR)
+        .map(|d| {
+            let at = (first + d) % n;
+            dot(b, &twice[at..at + n])
+        })
+        .collect();
+    let best = (0..score.len()).max_by(|x, y| {
+        // The nearest of equals: a map without walls has nothing to tell.
+        score[*x].total_cmp(&score[*y]).then(y.abs_diff(NEAR).cmp(&x.abs_diff(NEAR)))
+    });
+    let k = best.expect("there are some");
+    let shift = match score.get(k.wrapping_sub(1)..k + 2) {
+        // The peak between the bins, by a parabola.
+        Some([l, m, r]) if l - 2.0 * m + r < -1e-9 => {
+            (0.5 * (l - r) / (l - 2.0 * m + r)).clamp(-0.5, 0.5)
+        }
+        _ => 0.0,
+    };
+    (first + k) as f64 % n as f64 * TAU / n as f64 + f64::from(shift) * TAU / n as f64
+}
 
 /// What each rotation promises: the circular correlation of two histograms of wall normals.
 fn spectrum(a: &[f32; BINS], b: &[f32; BINS]) -> [f32; BINS] {
@@ -71,23 +122,13 @@ fn descending(score: &[f32; BINS]) -> Vec<usize> {
 }
 
 /// Adds rotations that lie at least six degrees from each other until there are so many.
-fn keep_apart(
-    kept: &mut Vec<Bin>,
-    order: impl Iterator<Item = usize>,
-    most: usize,
-    score: &[f32; BINS],
-) {
+fn keep_apart(kept: &mut Vec<usize>, order: impl Iterator<Item = usize>, most: usize) {
     for k in order {
         if kept.len() >= most {
             break;
         }
-        let apart = |j: &Bin| (k + BINS - j.0) % BINS >= 6 && (j.0 + BINS - k) % BINS >= 6;
-        if kept.iter().all(apart) {
-            // The peak between the bins, by a parabola.
-            let (l, m, r) = (score[(k + BINS - 1) % BINS], score[k], score[(k + 1) % BINS]);
-            let bend = l - 2.0 * m + r;
-            let shift = if bend < -1e-9 { (0.5 * (l - r) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-            kept.push((k, (k as f64 + f64::from(shift)) * TAU / BINS as f64));
+        if kept.iter().all(|j| (k + BINS - j) % BINS >= 6 && (j + BINS - k) % BINS >= 6) {
+            kept.push(k);
         }
     }
 }
@@ -97,11 +138,12 @@ mod tests {
     use super::*;
     use crate::registration::correlation::THOROUGH;
 
-    /// Square roots of how much wall of each direction a map shows: peaks over pillars, which show all of them.
-    fn shown(pillars: f32, peaks: &[(usize, f32)]) -> [f32; BINS] {
+    /// How much wall of each direction a map shows: peaks over pillars, which show all of them.
+    fn shown(pillars: f32, peaks: &[(usize, f32)]) -> Turns {
         let mut shown = [pillars; BINS];
         peaks.iter().for_each(|(at, height)| shown[*at] += height);
-        shown.map(f32::sqrt)
+        let fine = std::array::from_fn(|k| if k % FINE == 0 { shown[k / FINE] } else { 0.0 });
+        Turns { roots: Box::new(shown.map(f32::sqrt)), fine: Box::new(fine) }
     }
 
     fn is_among(rotations: &[f64], degrees: f64) -> bool {
@@ -136,7 +178,7 @@ mod tests {
             (0..7)
                 .map(move |k| ((at + BINS + k - 3) % BINS, 90.0 / (1.0 + (k as f32 - 3.0).powi(2))))
         };
-        let walls = |turn: usize| -> [f32; BINS] {
+        let walls = |turn: usize| -> Turns {
             let peaks: Vec<_> = (0..4).flat_map(|q| wide(turn + 90 * q)).collect();
             shown(1.0, &peaks)
         };
@@ -150,5 +192,26 @@ mod tests {
     fn maps_that_show_no_direction_have_rotations_all_the_same() {
         let round = shown(1.0, &[]);
         assert_eq!(proposed(&round, &round, THOROUGH).1, THOROUGH.promising);
+    }
+
+    #[test]
+    fn long_walls_tell_the_rotation_to_a_tenth_of_a_degree() {
+        // Four directions of a building, and clutter; degrees.
+        let map = |turn: f64| {
+            let walls = (0..4).map(|q| (turn + 90.0 * f64::from(q), 40.0));
+            let clutter = (0..60).map(|k| (turn + 6.0 * f64::from(k) + 0.8, 0.5));
+            let probe = |(degrees, weight): (f64, f32)| Probe {
+                direction: (degrees.rem_euclid(360.0) / 360.0 * 65536.0) as u16,
+                weight,
+                ..Probe::default()
+            };
+            Turns::new(&walls.chain(clutter).map(probe).collect::<Vec<_>>())
+        };
+        for turn in [0.0, 12.34, 89.9, 181.27, 359.95] {
+            let (found, promising) = proposed(&map(turn), &map(0.41), THOROUGH);
+            let off =
+                |r: &f64| ((r.to_degrees() - turn + 0.41 + 45.0).rem_euclid(90.0) - 45.0).abs();
+            assert!(found[..promising].iter().all(|r| off(r) < 0.1), "{turn}: {found:?}");
+        }
     }
 }

@@ -50,7 +50,7 @@ stage! {
         /// promising; none: all other maps up to 40 maps, 18 where there are more. As many as there are maps: all.
         partners: Option<usize> = None,
         /// Candidates of a pair that are refined, best first by their walls.
-        shortlist: usize = 40,
+        shortlist: usize = 28,
         /// The same, of the mirror image that shows what chance reaches.
         decoy_shortlist: usize = 16,
         /// Modes kept for a pair.

@@ -136,19 +136,22 @@ impl<'s> Search<'s> {
         let (rotations, promising) =
             rotations::proposed(&a.turns, &b.turns, self.effort.correlation);
         let (promising, others) = rotations.split_at(promising);
-        let mut look = |structures: Vec<Candidate>, rotations: &[f64]| {
-            let found = correlation::candidates(a, b, rotations, self.effort.correlation);
+        let mut look = |structures: Vec<Candidate>, rotations: &[f64], effort| {
+            let found = correlation::candidates(a, b, rotations, effort);
             candidates += found.len();
             self.looked_at(structures, found.into_iter().map(|(_, c)| c).collect())
         };
-        let looked_at = look(structures, promising);
+        let effort = self.effort.correlation;
+        let looked_at = look(structures, promising, effort);
         let mut begun = self.begun(&looked_at, self.effort.least_look);
         // Round columns and clutter have all directions: what the walls promise may be far from the truth.
         let is_known = |c: &Candidate| is_proven(&self.weigh(*c, 2 * FIRST_SAMPLES));
         if !begun.iter().any(is_proven) && !hints.iter().any(is_known) {
             // There are more poses at more rotations: some of them look well whatever the maps are.
             let least = looked_at.get(2 * BEGUN - 1).map_or(f64::NEG_INFINITY, |(look, _)| *look);
-            begun.extend(self.begun(&look(Vec::new(), others), least.max(self.effort.least_look)));
+            let effort = correlation::Effort { steps: effort.steps / 2.0, ..effort };
+            let others = look(Vec::new(), others, effort);
+            begun.extend(self.begun(&others, least.max(self.effort.least_look)));
         }
         // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
         // what either finds is tried at all of them.

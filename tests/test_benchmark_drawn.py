@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mapmeld import read_map, se2
+from mapmeld.simulate.raster import dilate
 from test_benchmarks import BENCHMARKS
 
 DATASETS = Path(os.environ.get("MAPMELD_MRPT", "/usr/share/mrpt/datasets"))
@@ -29,6 +30,21 @@ def test_no_scan_is_in_two_maps(monkeypatch: pytest.MonkeyPatch) -> None:
         assert sorted(owned) == list(range(199))
         assert len(parts) == maps
         assert all(len(part) > 3 and part == sorted(part) for part in parts)
+
+
+def test_the_floor_of_a_hatched_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import homes
+
+    y, x = np.mgrid[0:300, 0:400]
+    hatched = (x + y) % 30 != 0
+    room = (abs(x - 150) < 80) & (abs(y - 150) < 60)
+    door = (x >= 230) & (x < 270) & (abs(y - 150) < 12)
+    next_room = (abs(x - 310) < 40) & (abs(y - 150) < 50)
+    floor = room | door | next_room
+    line = dilate(floor, 1) & ~floor
+    drawing = (y < 20) | floor | (hatched & ~line)
+    assert np.array_equal(homes.floor_of(drawing), floor)
 
 
 def _pose_graph(path: Path) -> Path:

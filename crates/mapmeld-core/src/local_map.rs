@@ -111,6 +111,8 @@ const STRAIGHT: f64 = 1.0;
 const THICK: f64 = 0.2;
 /// Depth up to which walls are drawn sharp, cells.
 const SHARP: f64 = 1.5;
+/// Holes in a wall that its depth is followed through, half cells.
+const HOLE: usize = 2;
 /// Depth to which a wall's depth is followed, cells.
 const DEEPEST: usize = 12;
 /// How close to its end a wall tells one place from the next, metres.
@@ -266,7 +268,15 @@ fn median_depth(grid: &OccupancyGrid, boundary: &[BoundaryPoint]) -> f64 {
             let is_inside = x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64;
             is_inside && class_of(grid.cells()[y as usize * width + x as usize]) == Class::Occupied
         };
-        (1..=2 * DEEPEST).take_while(is_wall).count()
+        // What is missing of a wall does not end it.
+        let mut last = 0;
+        for k in (1..=2 * DEEPEST).filter(is_wall) {
+            if k > last + 1 + HOLE {
+                break;
+            }
+            last = k;
+        }
+        last
     };
     let mut depths: Vec<usize> = boundary.iter().map(depth).collect();
     if depths.is_empty() {

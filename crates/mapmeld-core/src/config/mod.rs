@@ -192,8 +192,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 19] = [
-            -8.816, -0.238, -0.586, -0.470, 1.038, -0.416, -1.007, 1.642, 1.087, 1.366,
-            -0.424, -3.595, 2.316, -0.862, -5.173, -1.055, 0.861, 0.404, 1.222,
+            -8.917, -0.283, -0.555, -0.394, 1.070, -0.414, -1.022, 1.515, 1.170, 1.547,
+            -0.576, -3.305, 2.362, -0.896, -5.540, -1.020, 0.894, 0.411, 1.492,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

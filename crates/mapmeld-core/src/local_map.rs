@@ -211,7 +211,7 @@ impl LocalMap {
         self.reach_cells as f64 * self.grid.resolution()
     }
 
-    /// Open floor beside a metre of wall, metres.
+    /// Open floor for each metre of wall, every side counted, metres.
     pub fn openness(&self) -> f64 {
         self.floor.total / self.wall_length.max(1e-9)
     }

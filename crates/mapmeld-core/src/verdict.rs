@@ -60,7 +60,7 @@ pub struct Background {
     /// How much deeper walls are drawn than sharp ones are, in the map where they are less so, metres: who draws a wall in
     /// many places draws it in wrong ones, so where much is distinct, what contradicts weighs less.
     pub smear: f64,
-    /// Open floor beside a metre of wall, in the map that has less of it, metres.
+    /// Open floor of a map for each metre of its walls, every side counted, in the map that has more of it, metres.
     pub openness: f64,
     /// Which degree of bending the maps are weighed at, 0 the finest.
     pub rung: usize,
@@ -73,14 +73,13 @@ pub struct Background {
 impl Background {
     /// Of some maps that are laid on each other.
     pub fn new<'m>(maps: impl Iterator<Item = &'m LocalMap>, rung: usize, decoy: f64) -> Self {
-        let most = f64::MAX;
-        let none =
-            Self { walls: 0.0, straight: 1.0, smear: most, openness: most, rung, decoy, pairs: 1 };
+        let (smear, openness) = (f64::MAX, 0.0);
+        let none = Self { walls: 0.0, straight: 1.0, smear, openness, rung, decoy, pairs: 1 };
         maps.fold(none, |of, m| Self {
             walls: of.walls.max(m.wall_length),
             straight: of.straight.min(m.straight_share),
             smear: of.smear.min(m.smear),
-            openness: of.openness.min(m.openness()),
+            openness: of.openness.max(m.openness()),
             ..of
         })
     }
@@ -91,7 +90,7 @@ impl Background {
             walls: self.walls.max(others.walls),
             straight: self.straight.min(others.straight),
             smear: self.smear.min(others.smear),
-            openness: self.openness.min(others.openness),
+            openness: self.openness.max(others.openness),
             decoy: self.decoy.max(others.decoy),
             ..*self
         }

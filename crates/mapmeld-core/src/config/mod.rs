@@ -192,8 +192,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 19] = [
-            -8.917, -0.283, -0.555, -0.394, 1.070, -0.414, -1.022, 1.515, 1.170, 1.547,
-            -0.576, -3.305, 2.362, -0.896, -5.540, -1.020, 0.894, 0.411, 1.492,
+            -8.601, -0.319, -0.516, -0.363, 1.061, -0.490, -1.105, 1.494, 1.076, 1.878,
+            -0.471, -3.225, 2.276, -0.911, -4.556, -1.022, 0.877, 0.445, 1.711,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

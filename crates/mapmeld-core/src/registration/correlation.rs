@@ -45,6 +45,13 @@ pub struct Effort {
     pub steps: f64,
 }
 
+impl Effort {
+    /// What is spent on further rotations: they are many, and few maps need them.
+    pub fn of_further(self) -> Self {
+        Self { steps: self.steps / 2.0, ..self }
+    }
+}
+
 /// Where a pose is looked for.
 pub const THOROUGH: Effort = Effort { promising: 6, further: 8, steps: 2.0 };
 

@@ -59,7 +59,7 @@ fn dot(x: &[f32], y: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// The most promising rotations of b's axes into a's, radians, at least six degrees apart, and how many of them promise
+/// The most promising rotations of b's axes into a's, radians, some degrees apart, and how many of them promise
 /// nearly as much as the best. The others follow by how much the walls agree there, long ones before many: round
 /// columns and clutter have all directions and hide where one long wall of both lies.
 pub fn proposed(a: &Turns, b: &Turns, effort: Effort) -> (Vec<f64>, usize) {
@@ -99,12 +99,14 @@ fn exactly(bin: usize, twice: &[f32], b: &[f32]) -> f64 {
         score[*x].total_cmp(&score[*y]).then(y.abs_diff(NEAR).cmp(&x.abs_diff(NEAR)))
     });
     let k = best.expect("there are some");
-    let shift = match score.get(k.wrapping_sub(1)..k + 2) {
+    let (k, shift) = match score.get(k.wrapping_sub(1)..k + 2) {
         // The peak between the bins, by a parabola.
         Some([l, m, r]) if l - 2.0 * m + r < -1e-9 => {
-            (0.5 * (l - r) / (l - 2.0 * m + r)).clamp(-0.5, 0.5)
+            (k, (0.5 * (l - r) / (l - 2.0 * m + r)).clamp(-0.5, 0.5))
         }
-        _ => 0.0,
+        Some(_) => (k, 0.0),
+        // It rises out of sight: that is a peak of something else.
+        None => (NEAR, 0.0),
     };
     (first + k) as f64 % n as f64 * TAU / n as f64 + f64::from(shift) * TAU / n as f64
 }

@@ -37,6 +37,8 @@ const MAY_RISE: f64 = 0.5;
 pub(super) const PROVEN: f64 = 60.0;
 /// Candidates that are led uphill however far their looks lie behind.
 const BEGUN: usize = 16;
+/// What looks worse than so many candidates of the first rotations is no better at further ones.
+const FIRST_LOOKS: usize = 32;
 
 /// What is spent on a search.
 pub struct Effort {
@@ -69,8 +71,10 @@ pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Ve
     let mut found = of_structures(a, b, config);
     let (rotations, promising) = rotations::proposed(&a.turns, &b.turns, correlation::THOROUGH);
     let (promising, others) = rotations.split_at(promising);
-    for some in [promising, others] {
-        let correlated = correlation::candidates(a, b, some, correlation::THOROUGH);
+    for (some, effort) in
+        [(promising, correlation::THOROUGH), (others, correlation::THOROUGH.of_further())]
+    {
+        let correlated = correlation::candidates(a, b, some, effort);
         found.extend(correlated.into_iter().map(|(_, c)| c));
     }
     found
@@ -136,22 +140,21 @@ impl<'s> Search<'s> {
         let (rotations, promising) =
             rotations::proposed(&a.turns, &b.turns, self.effort.correlation);
         let (promising, others) = rotations.split_at(promising);
+        let effort = self.effort.correlation;
         let mut look = |structures: Vec<Candidate>, rotations: &[f64], effort| {
             let found = correlation::candidates(a, b, rotations, effort);
             candidates += found.len();
             self.looked_at(structures, found.into_iter().map(|(_, c)| c).collect())
         };
-        let effort = self.effort.correlation;
         let looked_at = look(structures, promising, effort);
         let mut begun = self.begun(&looked_at, self.effort.least_look);
         // Round columns and clutter have all directions: what the walls promise may be far from the truth.
         let is_known = |c: &Candidate| is_proven(&self.weigh(*c, 2 * FIRST_SAMPLES));
         if !begun.iter().any(is_proven) && !hints.iter().any(is_known) {
             // There are more poses at more rotations: some of them look well whatever the maps are.
-            let least = looked_at.get(2 * BEGUN - 1).map_or(f64::NEG_INFINITY, |(look, _)| *look);
-            let effort = correlation::Effort { steps: effort.steps / 2.0, ..effort };
-            let others = look(Vec::new(), others, effort);
-            begun.extend(self.begun(&others, least.max(self.effort.least_look)));
+            let least = looked_at.get(FIRST_LOOKS - 1).map_or(f64::NEG_INFINITY, |(l, _)| *l);
+            let looked_at = look(Vec::new(), others, effort.of_further());
+            begun.extend(self.begun(&looked_at, least.max(self.effort.least_look)));
         }
         // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
         // what either finds is tried at all of them.

@@ -33,8 +33,8 @@ RIDGE = 0.5
 """Penalty on the squared weights of standardised features, in units of one row's log-likelihood."""
 SAME_BUILDING = 1.6
 """Weight of a wrong row of one building beside any other: who merges maps has them from one building, where
-what looks alike is rarely so by chance, while most rows here are of strangers. At more, hand-held maps that
-were left out are lost faster than wrong merges."""
+what looks alike is rarely so by chance, while most rows here are of strangers. At more, right merges
+of buildings left out are lost much faster than wrong ones."""
 FITTED_FROM = 4.0
 """Log-likelihood ratio of a row, nats, from which it is fitted: what shows less is never merged."""
 EVIDENCE = default_config()["evidence"]

@@ -29,10 +29,14 @@ def read_scans(path: Path) -> Scans:
                 raise ValueError(f"{path}: a scan stands before all vertices")
             first, _, step, farthest = (float(v) for v in words[2:6])
             beams = int(words[8])
+            if ranges and beams != len(ranges[0]):
+                raise ValueError(f"{path}: scans of {len(ranges[0])} and of {beams} beams")
             found = [float(v) for v in words[9 : 9 + beams]]
             angles = [first + k * step for k in range(beams)]
             poses.append(pose)
             ranges.append([v if v < farthest else np.nan for v in found])
+    if not poses:
+        raise ValueError(f"{path}: no scan in it")
     return Scans(np.array(poses), np.array(ranges), np.array(angles))
 
 

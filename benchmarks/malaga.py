@@ -1,7 +1,7 @@
 """Cases of a building that no weight was fitted to, for benchmarks/trust.py.
 
     python benchmarks/malaga.py /usr/share/mrpt/datasets target/malaga
-    MAPMELD_SHARED=target/malaga python benchmarks/trust.py --only pairs same
+    MAPMELD_SHARED=target/malaga python benchmarks/trust.py --only pairs same whole
 
 MRPT's example data (Debian: mrpt-common) hold a laser log of a hall with round pillars in Malaga, with poses
 by SLAM, and a grid map of the campus about it: four wings alike, a hundred metres long, and rows of pillars.

@@ -4,6 +4,7 @@ mod common;
 
 use common::{any_frame, apart, office, rng, Plan};
 use mapmeld_core::config::Config;
+use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
 use mapmeld_core::registration::corners::candidates;
 use mapmeld_core::se2::{Se2, Vec2};
@@ -214,4 +215,25 @@ fn how_thick_walls_are_drawn_is_seen_in_every_frame() {
             assert!((thick - 2.5).abs() < 1.1, "{thick} beyond a cell and a half, of four");
         }
     }
+}
+
+#[test]
+fn what_is_missing_of_a_wall_does_not_make_it_sharp() {
+    let outline = [(0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0), (0.0, 0.0)];
+    let plan = Plan { half: 0.12, ..Plan::default() }.floor([0.0, 0.0, 6.0, 4.0]).wall(&outline);
+    let whole = plan.draw("room", &Se2::IDENTITY, 0.05, everything);
+    let broken = |is_missing: &dyn Fn(usize, usize) -> bool| {
+        let (w, h) = (whole.width(), whole.height());
+        let missing = |k: usize| whole.cells()[k] >= 65 && is_missing(k % w, k / w);
+        let cells = (0..w * h).map(|k| if missing(k) { 0 } else { whole.cells()[k] }).collect();
+        let grid = OccupancyGrid::new("room", w, h, 0.05, whole.origin(), cells).unwrap();
+        LocalMap::new(grid, &Config::default()).smear
+    };
+    let full = broken(&|_, _| false);
+    // Single cells, which have faces of their own.
+    let holes = broken(&|x, y| x % 3 == 0 && y % 3 == 0);
+    assert!(full > 0.1 && holes > 0.5 * full, "{holes} of {full}");
+    // Two cells in three: what is left are thin stripes.
+    let stripes = broken(&|x, y| (x + y) % 4 > 0);
+    assert!(stripes < 0.3 * full, "{stripes} of {full}");
 }

@@ -10,7 +10,7 @@ from mapmeld.simulate.floorplan import Floorplan, Rectangle, Size, chosen_size
 from mapmeld.simulate.rooms import divide
 
 _DEEPEST = 2.0
-"""Of recesses, metres."""
+"""Of the strip of a block in which its doors and recesses lie, metres."""
 
 
 def corridors(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
@@ -18,7 +18,7 @@ def corridors(rng: np.random.Generator, size: Size | None, thickness: float) -> 
 
     Doors lie a little deep in the walls, at the pitch of rooms; some walls have a wide recess, some a pier.
     """
-    width, height = chosen_size(size, (140.0, 70.0), (40.0, 25.0), "corridors")
+    width, height = chosen_size(size, (140.0, 70.0), (40.0, 25.0), "a world of corridors")
     plan = Floorplan(thickness)
     plan.room(0.0, 0.0, width, height)
     way = float(rng.uniform(1.8, 2.8))
@@ -27,7 +27,7 @@ def corridors(rng: np.random.Generator, size: Size | None, thickness: float) -> 
         for low, high in pairwise(divide(rng, way / 2, height - way / 2, (18.0, 45.0))):
             block = (left + way / 2, low + way / 2, right - way / 2, high - way / 2)
             _block(plan, rng, block)
-    # The outer walls have doors as well: frames that stand out beside them.
+    # Two of the outer walls have doors as well: frames that stand out beside them.
     for x in np.cumsum(rng.uniform(2.5, 7.0, int(width / 5.0))):
         if x < width - 1.0:
             plan.solid(float(x), 0.0, float(x) + 0.3, float(rng.uniform(0.1, 0.3)))

@@ -15,7 +15,7 @@ _Door = tuple[float, float, float]
 
 
 def home(rng: np.random.Generator, size: Size | None, thickness: float) -> Floorplan:
-    """A rectangle halved again and again; every cut is a wall with a door, or an opening as wide as a room.
+    """A rectangle halved again and again; every cut is a wall with a door or a wider opening.
 
     Furniture stands along the walls of every room and in the middle of large ones. Some corners of the
     outline belong to somebody else.
@@ -40,7 +40,7 @@ def _rooms(
     """Cuts a box into rooms, with the doors of each."""
     x0, y0, x1, y1 = box
     w, h = x1 - x0, y1 - y0
-    # Along the longer side, where no door would meet the wall.
+    # Across the longer side, where no door would meet the wall.
     is_upright = bool(w * rng.uniform(0.8, 1.25) > h)
     low, high = (x0, x1) if is_upright else (y0, y1)
     cuts = [float(v) for v in rng.uniform(low + _SIDE, high - _SIDE, 8)] if high - low > 2 * _SIDE else []

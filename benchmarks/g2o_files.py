@@ -45,4 +45,6 @@ def _text(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     with zipfile.ZipFile(path) as z:
         names = [n for n in z.namelist() if n.endswith(".g2o") and not n.startswith("__MACOSX")]
+        if not names:
+            raise ValueError(f"{path}: no .g2o file in it")
         return z.read(names[0]).decode()

@@ -73,6 +73,13 @@ def test_scans_of_a_pose_graph_become_maps(tmp_path: Path, monkeypatch: pytest.M
     with zipfile.ZipFile(zipped, "w") as z:
         z.writestr("__MACOSX/._room.g2o", "nothing")
         z.write(path, "room.g2o")
+    with zipfile.ZipFile(tmp_path / "empty.zip", "w") as z:
+        z.writestr("room.txt", "nothing")
+    with pytest.raises(ValueError, match=r"empty\.zip: no \.g2o"):
+        g2o_files.read_scans(tmp_path / "empty.zip")
+    (tmp_path / "bare.g2o").write_text("VERTEX_SE2 0 0 0 0\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"bare\.g2o: no scan"):
+        g2o_files.read_scans(tmp_path / "bare.g2o")
     scans = g2o_files.read_scans(path)
     assert np.array_equal(scans.ranges, g2o_files.read_scans(zipped).ranges, equal_nan=True)
     assert scans.poses.tolist() == [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]

@@ -90,8 +90,8 @@ def test_worlds_of_the_least_size_can_be_driven(world: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_every_room_of_a_home_has_a_door(seed: int) -> None:
-    assert _reached(build_world(SimulateOptions(world="home", seed=seed, size=(16.0, 12.0)))) > 0.9
+def test_nearly_all_of_a_home_can_be_driven(seed: int) -> None:
+    assert _reached(build_world(SimulateOptions(world="home", seed=seed, size=(16.0, 12.0)))) > 0.98
 
 
 def _reached(grid: OccupancyGrid) -> float:

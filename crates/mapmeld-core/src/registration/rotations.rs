@@ -198,10 +198,10 @@ mod tests {
 
     #[test]
     fn long_walls_tell_the_rotation_to_a_tenth_of_a_degree() {
-        // Four directions of a building, and clutter; degrees.
-        let map = |turn: f64| {
+        // Four directions of a building, and clutter that lies otherwise in the other map; degrees.
+        let map = |turn: f64, clutter: f64| {
             let walls = (0..4).map(|q| (turn + 90.0 * f64::from(q), 40.0));
-            let clutter = (0..60).map(|k| (turn + 6.0 * f64::from(k) + 0.8, 0.5));
+            let clutter = (0..60).map(|k| (clutter + 6.0 * f64::from(k), 0.5));
             let probe = |(degrees, weight): (f64, f32)| Probe {
                 direction: (degrees.rem_euclid(360.0) / 360.0 * 65536.0) as u16,
                 weight,
@@ -210,7 +210,7 @@ mod tests {
             Turns::new(&walls.chain(clutter).map(probe).collect::<Vec<_>>())
         };
         for turn in [0.0, 12.34, 89.9, 181.27, 359.95] {
-            let (found, promising) = proposed(&map(turn), &map(0.41), THOROUGH);
+            let (found, promising) = proposed(&map(turn, turn + 0.8), &map(0.41, 2.3), THOROUGH);
             let off =
                 |r: &f64| ((r.to_degrees() - turn + 0.41 + 45.0).rem_euclid(90.0) - 45.0).abs();
             assert!(found[..promising].iter().all(|r| off(r) < 0.1), "{turn}: {found:?}");

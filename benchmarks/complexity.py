@@ -231,8 +231,8 @@ particle composes the modes kept of each pair (`registration.max_modes`) with it
 
 - corners c meet in `register` only, N (N - 1) / 2 times, and never Np times. Most candidates of a pair get
   one short look and a list of fixed length is climbed, so c^2 is what is proposed, not what is climbed.
-  Corners are one source of three; `candidates` counts all, and where the other sources propose most of them,
-  c^2 is hidden by what they cost.
+  Corners are one source of three, and asked only where correlation finds too little; `candidates` counts all
+  that were proposed, and where the other sources propose most of them, c^2 is hidden by what they cost.
 - particles Np and maps N meet in `filter`, which looks at no corners: a step composes kept modes with the
   poses of the placed maps and weighs at most `filter.candidates_per_map` poses of a map. With an unknown
   order, maps left are tried until one is sure or `filter.maps_per_step` of them have been found to fit, and a

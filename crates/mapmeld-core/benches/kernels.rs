@@ -149,9 +149,10 @@ fn register(c: &mut Criterion) {
     });
     c.bench_function("candidates by correlation", |t| {
         t.iter(|| {
-            let (rotations, promising) =
-                rotations::proposed(&black_box(a).turns, &b.turns, correlation::THOROUGH);
-            correlation::candidates(a, b, &rotations[..promising], correlation::THOROUGH)
+            let effort = correlation::THOROUGH;
+            let proposed =
+                rotations::Proposed::new(&black_box(a).turns, &b.turns, effort.promising);
+            correlation::candidates(a, b, &proposed.promising(), effort)
         })
     });
     let t_a_b = frame(0).between(&frame(1));

@@ -124,7 +124,7 @@ pub fn unbend(
                 g += edge.stiffness.component_mul(&off.push(here.turn - other.turn));
             }
             h += Matrix3::from_diagonal(&stiffness);
-            let step = h.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&g));
+            let step = solved(&h, &g);
             motions[k].step(&-step);
             moved = moved.max(step.xy().norm() + LEVER * step.z.abs());
         }
@@ -143,6 +143,18 @@ pub fn unbend(
         0.25 * of_edge.sum::<f64>()
     });
     Unbent { cost: cost.sum(), poses: motions.iter().map(|m| m.pose(rigid)).collect() }
+}
+
+/// What a symmetric matrix takes to `g`, by its cofactors: a factorisation waits for three divisions and three roots. Where
+/// it is singular, as nothing holds a lone patch's turn, nothing moves.
+fn solved(h: &Matrix3<f64>, g: &Vector3<f64>) -> Vector3<f64> {
+    let (x, y, z) = (h.column(0), h.column(1), h.column(2));
+    let (yz, zx, xy) = (y.cross(&z), z.cross(&x), x.cross(&y));
+    let determinant = x.dot(&yz);
+    if !(determinant > 0.0 && determinant.is_finite()) {
+        return Vector3::zeros();
+    }
+    Vector3::new(yz.dot(g), zx.dot(g), xy.dot(g)) / determinant
 }
 
 /// A neighbour of a patch, and the inverse variances of (x, y, theta) between the two.

@@ -10,21 +10,21 @@ use crate::se2::{self, Se2, Vec2};
 use nalgebra::{Matrix3, Vector3};
 
 /// Walls of b that fall on like-oriented walls of a, and the other way round, in the axes of grid a; of each map so
-/// many samples at most.
+/// many samples at most. `f` is told whose walls they are: 0 of a, 1 of b.
 #[inline(always)]
 fn matches(
     a: &LocalMap,
     b: &LocalMap,
     t_axes_axes: &Se2,
     (of_a, of_b): (usize, usize),
-    mut f: impl FnMut(Matches),
+    mut f: impl FnMut(usize, Matches),
 ) {
     let axes = Axes::new(t_axes_axes);
     let view = a.probe_view(axes);
     for block in b.blocks.first(of_b) {
         let s = view.see(block);
         let w = view.walls(&s, 0);
-        f(Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual: w.residuals(&s) });
+        f(1, Matches { x: s.x, y: s.y, nx: w.nx, ny: w.ny, residual: w.residuals(&s) });
     }
     let view = b.probe_view(axes.inverse());
     for block in a.blocks.first(of_a) {
@@ -34,20 +34,20 @@ fn matches(
         residual.iter_mut().for_each(|r| *r = -*r);
         let mut m = Matches { x: w.x, y: w.y, nx: w.nx, ny: w.ny, residual };
         m.place(&axes);
-        f(m);
+        f(0, m);
     }
 }
 
 /// What the walls of two maps pull at.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
 fn pull_of(a: &LocalMap, b: &LocalMap, t_axes_axes: &Se2, samples: usize, pull: &mut Pull) {
-    matches(a, b, t_axes_axes, (samples, samples), |m| pull.add(&m));
+    matches(a, b, t_axes_axes, (samples, samples), |_, m| pull.add(&m));
 }
 
-/// The same of all walls, precisely.
+/// The same, precisely, of the walls of a and of those of b.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-fn pull_of_all(a: &LocalMap, b: &LocalMap, t_axes_axes: &Se2, pull: &mut Pull) {
-    matches(a, b, t_axes_axes, (usize::MAX, usize::MAX), |m| pull.add_precisely(&m));
+fn pulls_of(a: &LocalMap, b: &LocalMap, t_axes_axes: &Se2, samples: usize, pulls: &mut [Pull; 2]) {
+    matches(a, b, t_axes_axes, (samples, samples), |k, m| pulls[k].add_precisely(&m));
 }
 
 /// Geman-McClure weight of a residual.
@@ -150,7 +150,7 @@ pub fn climb_group(
                     q.map,
                     &axes_of(&p.map.grid, &q.map.grid, &t_p_q),
                     of_each,
-                    |mut m| {
+                    |_, mut m| {
                         m.place(&to_world);
                         pull.add(&m);
                     },
@@ -203,7 +203,10 @@ fn ascend(
     Some(t)
 }
 
-/// Covariance of the pose at a local maximum: the inverse of the information of the matched walls,
+/// Samples of each map that tell the covariance of a pose, at most.
+const COVARIANCE_SAMPLES: usize = 512;
+
+/// Covariance of the pose at a local maximum: the inverse of the information of the matched walls, from some samples,
 /// neighbouring samples discounted, on top of a wide prior that keeps free directions finite (10 m,
 /// 1 radian), of the middle of b's walls; told of b's origin, in a's frame.
 pub fn covariance(
@@ -219,10 +222,13 @@ pub fn covariance(
     // About the middle of b's walls: single precision must suffice.
     let center = t_a_b.apply(b.center.unwrap_or_default());
     let to_a = a.grid.origin();
-    let mut pull = Pull::new(to_a.inverse().apply(center), sigma);
-    pull_of_all(a, b, &axes_of(&a.grid, &b.grid, t_a_b), &mut pull);
+    let pull = || Pull::new(to_a.inverse().apply(center), sigma);
+    let mut pulls = [pull(), pull()];
+    pulls_of(a, b, &axes_of(&a.grid, &b.grid, t_a_b), COVARIANCE_SAMPLES, &mut pulls);
+    let [of_a, of_b] = pulls.map(|p| p.equations().0);
+    let [share_a, share_b] = [a, b].map(|m| m.blocks.share(COVARIANCE_SAMPLES));
     let prior = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
-    let h = discount / (sigma * sigma) * pull.equations().0 + prior;
+    let h = discount / (sigma * sigma) * (share_a * of_a + share_b * of_b) + prior;
     let of_center = h.try_inverse().expect("information holds a positive prior");
     se2::swung(&to_a.transport_covariance(&of_center), t_a_b.translation() - center)
 }

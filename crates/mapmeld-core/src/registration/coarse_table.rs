@@ -8,6 +8,7 @@ use crate::grid::OccupancyGrid;
 use crate::ground::Ground;
 use crate::likelihood_field::{LikelihoodField, DIRECTIONS};
 use crate::probe::Axes;
+use crate::registration::wide_table::WideTable;
 
 /// Side of a coarse cell, metres, where the table stays small enough.
 const CELL: f64 = 0.2;
@@ -19,40 +20,9 @@ const BLUR: f64 = 0.15;
 const DEPTH: f64 = 0.3;
 /// Score of a wall in place, where none is, and in clear free space.
 pub const SCORES: (f64, i8, i8) = (8.0, -3, -16);
-/// Cells without a score that a run bridges, since one longer run is faster than two short ones.
-const BRIDGED: usize = 24;
-
-/// Runs are as long as a multiple of this: so many cells are added at once.
-pub const RUN: usize = 16;
-
-/// Cells of one row that follow each other, some of which score.
-#[derive(Debug, Clone, Copy)]
-pub struct Run {
-    /// Row of the first cell.
-    pub row: u32,
-    /// Column of the first cell.
-    pub col: u32,
-    /// Where its score is in [`Wide::values`].
-    pub at: u32,
-    /// Number of cells, a multiple of [`RUN`]: the last of them score nothing, and may lie beyond the row.
-    pub len: u32,
-}
-
-/// The table in cells twice as wide, as runs: most cells of a direction score nothing.
-#[derive(Debug, Clone)]
-pub struct Wide {
-    /// Number of columns.
-    pub width: usize,
-    /// Number of rows.
-    pub height: usize,
-    /// Scores of all runs.
-    pub values: Vec<i16>,
-    /// Runs of each direction's agreement, and last those of the contradiction.
-    pub runs: [Vec<Run>; DIRECTIONS + 1],
-}
 
 /// Agreement of each direction, and last the contradiction, whatever the direction: a wall that is no agreement.
-type CoarseCell = [i8; DIRECTIONS + 1];
+pub type CoarseCell = [i8; DIRECTIONS + 1];
 
 /// See the module's text. Rows and columns are those of the grid's axes.
 #[derive(Debug, Clone)]
@@ -66,7 +36,7 @@ pub struct CoarseTable {
     /// Row by row; beyond the last a cell that says nothing.
     cells: Vec<CoarseCell>,
     /// In cells twice as wide.
-    pub wide: Wide,
+    pub wide: WideTable,
 }
 
 impl CoarseTable {
@@ -121,7 +91,7 @@ impl CoarseTable {
                 }
             }
         }
-        let wide = Wide::new(width, height, &cells);
+        let wide = WideTable::new(width, height, &cells);
         Self { cell, width, height, cells, wide }
     }
 
@@ -159,50 +129,4 @@ pub fn score(table: &CoarseTable, samples: &[Block], axes: &Axes) -> f32 {
         }
     }
     score.iter().sum()
-}
-
-impl Wide {
-    /// The best that any of the four cells says.
-    fn new(fine_width: usize, fine_height: usize, fine: &[CoarseCell]) -> Self {
-        let (width, height) = (fine_width.div_ceil(2), fine_height.div_ceil(2));
-        let best = |row: usize, col: usize| {
-            let rows = [2 * row, (2 * row + 1).min(fine_height - 1)];
-            let cols = [2 * col, (2 * col + 1).min(fine_width - 1)];
-            let mut best = fine[rows[0] * fine_width + cols[0]];
-            for (row, col) in [(0, 1), (1, 0), (1, 1)] {
-                let cell = &fine[rows[row] * fine_width + cols[col]];
-                best.iter_mut().zip(cell).for_each(|(best, v)| *best = (*best).max(*v));
-            }
-            best
-        };
-        let all: Vec<CoarseCell> =
-            (0..height).flat_map(|row| (0..width).map(move |col| best(row, col))).collect();
-        let mut values = Vec::new();
-        let mut runs: [Vec<Run>; DIRECTIONS + 1] = Default::default();
-        let mut line = vec![0i16; width];
-        for (table, runs) in runs.iter_mut().enumerate() {
-            for (row, cells) in all.chunks_exact(width).enumerate() {
-                line.iter_mut().zip(cells).for_each(|(v, cell)| *v = i16::from(cell[table]));
-                runs_of(&line, row, &mut values, runs);
-            }
-        }
-        Self { width, height, values, runs }
-    }
-}
-
-/// Appends the runs of a row.
-fn runs_of(line: &[i16], row: usize, values: &mut Vec<i16>, runs: &mut Vec<Run>) {
-    let mut col = 0;
-    while let Some(start) = line[col..].iter().position(|v| *v != 0).map(|k| col + k) {
-        let mut end = start + 1;
-        while let Some(gap) = line[end..].iter().take(BRIDGED).position(|v| *v != 0) {
-            end += gap + 1;
-        }
-        let at = values.len() as u32;
-        values.extend(&line[start..end]);
-        let len = (end - start).next_multiple_of(RUN);
-        values.resize(at as usize + len, 0);
-        runs.push(Run { row: row as u32, col: start as u32, at, len: len as u32 });
-        col = end;
-    }
 }

@@ -11,20 +11,21 @@
 use crate::likelihood_field::DIRECTIONS;
 use crate::local_map::LocalMap;
 use crate::probe::{Axes, Probe};
-use crate::registration::coarse_table::{CoarseTable, Run, Wide, RUN, SCORES};
+use crate::registration::coarse_table::{CoarseTable, SCORES};
+use crate::registration::wide_table::{self, WideTable, SHORTEST};
 use crate::registration::{Candidate, Source};
 use crate::se2::Se2;
 use std::cell::RefCell;
 
 /// Peaks that are kept at each rotation.
 const PEAKS: usize = 40;
-/// Peaks of all rotations that are scored again in finer cells.
-const LOOKED_INTO: usize = 240;
 /// Samples that score a peak again.
 const PEAK_SAMPLES: usize = 160;
 /// Share of the best score in finer cells that another peak must reach in wide ones to be scored in finer ones, too:
 /// it reaches less there.
 const RIVAL: f32 = 0.5;
+/// Scores that are looked at together.
+const AT_ONCE: usize = 16;
 /// A peak may be so many times lower than the highest.
 const FAR_BELOW: i16 = 4;
 /// Most bins and shifts whose memory is kept from pair to pair.
@@ -43,17 +44,19 @@ pub struct Effort {
     pub further: usize,
     /// Steps of a bin's weight: independent observations times this, at most. Few steps thin the bins out.
     pub steps: f64,
+    /// Most peaks of all rotations together that are scored again in finer cells.
+    pub peaks: usize,
 }
 
 impl Effort {
     /// What is spent on further rotations: they are many, and few maps need them.
     pub fn of_further(self) -> Self {
-        Self { steps: self.steps / 2.0, ..self }
+        Self { steps: self.steps / 2.0, peaks: self.peaks / 2, ..self }
     }
 }
 
 /// Where a pose is looked for.
-pub const THOROUGH: Effort = Effort { promising: 6, further: 8, steps: 2.0 };
+pub const THOROUGH: Effort = Effort { promising: 6, further: 8, steps: 2.0, peaks: 240 };
 
 /// Candidates for `T_a_b` at some rotations of b's axes into a's, radians, each with its score, the best first.
 pub fn candidates(
@@ -79,7 +82,7 @@ pub fn candidates(
         y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2)))
     };
     peaks.sort_unstable_by(best_first);
-    peaks.truncate(LOOKED_INTO);
+    peaks.truncate(effort.peaks);
     let (mut best, mut rivals) = (0.0f32, 0);
     for (score, k, shift) in &mut peaks {
         if *score < RIVAL * best {
@@ -206,7 +209,7 @@ impl Shifts {
     }
 
     /// Scores and shifts of the highest peaks at one rotation, weights told in so many steps.
-    fn peaks(&mut self, a: &Wide, b: &Turned, steps: f64) -> Vec<(f32, Shift)> {
+    fn peaks(&mut self, a: &WideTable, b: &Turned, steps: f64) -> Vec<(f32, Shift)> {
         let (rows, cols) = (b.size.0.div_ceil(2), b.size.1.div_ceil(2));
         let (w, h) = (a.width + cols - 1, a.height + rows - 1);
         // A map kilometres wide against one in fine cells: other sources may find it.
@@ -234,8 +237,8 @@ impl Shifts {
         let steps = steps.min(30_000.0 / (total * (SCORES.0 - f64::from(SCORES.1)))) as f32;
 
         self.scores.clear();
-        // Runs are padded, beyond the end too.
-        self.scores.resize(w * h + RUN, 0);
+        // Strips are padded, beyond the end too.
+        self.scores.resize(w * h + SHORTEST, 0);
         for (table, filled) in self.filled.iter_mut().enumerate() {
             let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
             // What rounding takes from one bin it gives to the next.
@@ -247,7 +250,12 @@ impl Shifts {
                 if weight < 1.0 {
                     continue;
                 }
-                add(&mut self.scores[to as usize..], w, &a.runs[table], &a.values, weight as i16);
+                wide_table::add(
+                    &a.tables[table],
+                    &mut self.scores[to as usize..],
+                    w,
+                    weight as i16,
+                );
             }
         }
         let shift = |at: usize| {
@@ -256,20 +264,6 @@ impl Shifts {
         };
         let tops = peaks_of(&self.scores, w, h);
         tops.into_iter().map(|(score, at)| (f32::from(score) / steps, shift(at))).collect()
-    }
-}
-
-/// Adds the runs of a table, each value so many times, to the scores of the shifts at which a bin meets them.
-#[multiversion::multiversion(targets("x86_64+avx2"))]
-fn add(scores: &mut [i16], width: usize, runs: &[Run], values: &[i16], weight: i16) {
-    for run in runs {
-        let (at, len) = (run.at as usize, run.len as usize);
-        let start = run.row as usize * width + run.col as usize;
-        // That there is no rest, the compiler sees here.
-        let len = len - len % RUN;
-        for (score, value) in scores[start..start + len].iter_mut().zip(&values[at..at + len]) {
-            *score = score.saturating_add(weight * value);
-        }
     }
 }
 
@@ -283,11 +277,11 @@ fn peaks_of(table: &[i16], w: usize, h: usize) -> Vec<(i16, usize)> {
     for row in 1..h.saturating_sub(1) {
         let line = row * w..(row + 1) * w;
         // Most of the table is lower: that is seen at a glance.
-        for (chunk, some) in table[line].chunks(RUN).enumerate() {
+        for (chunk, some) in table[line].chunks(AT_ONCE).enumerate() {
             if some.iter().fold(0, |most, v| most.max(*v)) < least {
                 continue;
             }
-            let from = chunk * RUN;
+            let from = chunk * AT_ONCE;
             for col in from.max(1)..(from + some.len()).min(w - 1) {
                 let v = table[row * w + col];
                 let is_top = v >= least

@@ -1,7 +1,6 @@
 //! The rotations at which two maps may lie: those at which their walls have the same directions.
 
 use crate::probe::Probe;
-use crate::registration::correlation::Effort;
 use std::f64::consts::TAU;
 
 /// Bins of a full turn: one degree each.
@@ -59,28 +58,53 @@ fn dot(x: &[f32], y: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// The most promising rotations of b's axes into a's, radians, some degrees apart, and how many of them promise
-/// nearly as much as the best. The others follow by how much the walls agree there, long ones before many: round
-/// columns and clutter have all directions and hide where one long wall of both lies.
-pub fn proposed(a: &Turns, b: &Turns, effort: Effort) -> (Vec<f64>, usize) {
-    let score = spectrum(&a.roots, &b.roots);
-    let order = descending(&score);
-    let nearly = |k: &usize| score[*k] >= PROMISING * score[order[0]];
-    let mut kept: Vec<usize> = Vec::new();
-    keep_apart(&mut kept, order.iter().copied().take_while(nearly), effort.promising);
-    let promising = kept.len();
-    if effort.further > 0 {
+/// The rotations of b's axes into a's that two maps propose, some degrees apart.
+pub struct Proposed<'t> {
+    a: &'t Turns,
+    b: &'t Turns,
+    /// Bins of those that promise nearly as much as the best.
+    promising: Vec<usize>,
+}
+
+impl<'t> Proposed<'t> {
+    /// So many that promise nearly as much as the best, at most.
+    pub fn new(a: &'t Turns, b: &'t Turns, most: usize) -> Self {
+        let score = spectrum(&a.roots, &b.roots);
+        let order = descending(&score);
+        let nearly = |k: &usize| score[*k] >= PROMISING * score[order[0]];
+        let mut promising: Vec<usize> = Vec::new();
+        keep_apart(&mut promising, order.iter().copied().take_while(nearly), most);
+        Self { a, b, promising }
+    }
+
+    /// The most promising ones, radians, the best first.
+    pub fn promising(&self) -> Vec<f64> {
+        self.exactly(&self.promising)
+    }
+
+    /// So many others at most, by how much the walls agree there, long ones before many: round columns and clutter have
+    /// all directions and hide where one long wall of both lies.
+    pub fn further(&self, most: usize) -> Vec<f64> {
+        if most == 0 {
+            return Vec::new();
+        }
         let square = |x: &[f32; BINS]| x.map(|v| v * v);
-        let score = spectrum(&square(&a.roots), &square(&b.roots));
+        let score = spectrum(&square(&self.a.roots), &square(&self.b.roots));
         // No flanks of peaks that are there already.
         let is_peak = |k: &usize| {
             [1, 2, BINS - 2, BINS - 1].iter().all(|off| score[(k + off) % BINS] < score[*k])
         };
         let peaks = descending(&score).into_iter().filter(is_peak);
-        keep_apart(&mut kept, peaks, promising + effort.further);
+        let mut kept = self.promising.clone();
+        let most = kept.len() + most;
+        keep_apart(&mut kept, peaks, most);
+        self.exactly(&kept[self.promising.len()..])
     }
-    let twice: Vec<f32> = a.fine.iter().chain(a.fine.iter()).copied().collect();
-    (kept.into_iter().map(|k| exactly(k, &twice, &b.fine[..])).collect(), promising)
+
+    fn exactly(&self, bins: &[usize]) -> Vec<f64> {
+        let twice: Vec<f32> = self.a.fine.iter().chain(self.a.fine.iter()).copied().collect();
+        bins.iter().map(|k| exactly(*k, &twice, &self.b.fine[..])).collect()
+    }
 }
 
 /// The rotation near a bin at which the long walls agree best, radians: half a degree of a wall of fifty metres is half a
@@ -138,7 +162,6 @@ fn keep_apart(kept: &mut Vec<usize>, order: impl Iterator<Item = usize>, most: u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::registration::correlation::THOROUGH;
 
     /// How much wall of each direction a map shows: peaks over pillars, which show all of them.
     fn shown(pillars: f32, peaks: &[(usize, f32)]) -> Turns {
@@ -159,13 +182,11 @@ mod tests {
         // The wall at 20 degrees of a is b's at 110; the rest are different places that look alike.
         let a = shown(1.0, &[(20, 90.0), (60, 40.0), (180, 40.0), (300, 40.0)]);
         let b = shown(1.0, &[(110, 90.0), (75, 60.0), (195, 60.0), (315, 60.0)]);
-        let few = Effort { promising: 6, further: 0, steps: 1.0 };
-        let (first, promising) = proposed(&a, &b, few);
-        assert_eq!(first.len(), promising);
-        let (all, same) = proposed(&a, &b, THOROUGH);
-        assert_eq!((&all[..promising], same), (&first[..], promising));
-        assert!(all.len() <= promising + THOROUGH.further);
-        assert!(!is_among(&first, 270.0) && is_among(&all, 270.0), "{all:?}");
+        let proposed = Proposed::new(&a, &b, 6);
+        let (first, others) = (proposed.promising(), proposed.further(8));
+        assert!(others.len() <= 8, "{others:?}");
+        assert!(!is_among(&first, 270.0) && is_among(&others, 270.0), "{first:?} {others:?}");
+        let all = [first, others].concat();
         for (k, x) in all.iter().enumerate() {
             for y in &all[..k] {
                 let apart = (x - y).to_degrees().rem_euclid(360.0);
@@ -184,8 +205,10 @@ mod tests {
             let peaks: Vec<_> = (0..4).flat_map(|q| wide(turn + 90 * q)).collect();
             shown(1.0, &peaks)
         };
-        let (found, promising) = proposed(&walls(30), &walls(75), THOROUGH);
-        assert_eq!((promising, found.len()), (4, 4), "{found:?}");
+        let (a, b) = (walls(30), walls(75));
+        let proposed = Proposed::new(&a, &b, 6);
+        let found = proposed.promising();
+        assert_eq!((found.len(), proposed.further(8).len()), (4, 0), "{found:?}");
         let is_diagonal = |r: &f64| ((r.to_degrees() + 45.0) % 90.0 - 45.0).abs() > 44.0;
         assert!(found.iter().all(is_diagonal), "{found:?}");
     }
@@ -193,7 +216,7 @@ mod tests {
     #[test]
     fn maps_that_show_no_direction_have_rotations_all_the_same() {
         let round = shown(1.0, &[]);
-        assert_eq!(proposed(&round, &round, THOROUGH).1, THOROUGH.promising);
+        assert_eq!(Proposed::new(&round, &round, 6).promising().len(), 6);
     }
 
     #[test]
@@ -210,10 +233,11 @@ mod tests {
             Turns::new(&walls.chain(clutter).map(probe).collect::<Vec<_>>())
         };
         for turn in [0.0, 12.34, 89.9, 181.27, 359.95] {
-            let (found, promising) = proposed(&map(turn, turn + 0.8), &map(0.41, 2.3), THOROUGH);
+            let (a, b) = (map(turn, turn + 0.8), map(0.41, 2.3));
+            let found = Proposed::new(&a, &b, 6).promising();
             let off =
                 |r: &f64| ((r.to_degrees() - turn + 0.41 + 45.0).rem_euclid(90.0) - 45.0).abs();
-            assert!(found[..promising].iter().all(|r| off(r) < 0.1), "{turn}: {found:?}");
+            assert!(found.iter().all(|r| off(r) < 0.1), "{turn}: {found:?}");
         }
     }
 }

@@ -8,7 +8,8 @@ use crate::registration::{
     climb::{self, Climb, STILL},
     corners, correlation,
     glance::{self, Glance, Look},
-    rotations, segments, Candidate, Source,
+    rotations::Proposed,
+    segments, Candidate, Source,
 };
 use crate::se2::{Se2, Vec2};
 
@@ -35,10 +36,11 @@ const TELLING: f64 = 20.0;
 const MAY_RISE: f64 = 0.5;
 /// Log-likelihood from which the first looks at the others are held against a pose's, nats.
 pub(super) const PROVEN: f64 = 60.0;
-/// Candidates that are led uphill however far their looks lie behind.
-const BEGUN: usize = 16;
-/// What looks worse than so many candidates of the first rotations is no better at further ones.
-const FIRST_LOOKS: usize = 32;
+/// Share of all that the walls of a map can say, from which on corners and pairs of walls are not asked: they hardly ever
+/// find a better pose then.
+const PLENTY: f64 = 0.4;
+/// Candidates that are led uphill however far their looks lie behind, before any others.
+const FIRST_FOLLOWED: usize = 8;
 
 /// What is spent on a search.
 pub struct Effort {
@@ -66,15 +68,17 @@ pub struct Found {
     pub tops: Vec<Vec<Candidate>>,
 }
 
-/// What every source proposes for `T_a_b`, unrefined, and what it proposes where none of that proves itself.
+/// All that the sources propose for `T_a_b` if each is asked, unrefined: a search asks some of them only where others
+/// find too little.
 pub fn candidates(a: &LocalMap, b: &LocalMap, config: &RegistrationConfig) -> Vec<Candidate> {
     let mut found = of_structures(a, b, config);
-    let (rotations, promising) = rotations::proposed(&a.turns, &b.turns, correlation::THOROUGH);
-    let (promising, others) = rotations.split_at(promising);
-    for (some, effort) in
-        [(promising, correlation::THOROUGH), (others, correlation::THOROUGH.of_further())]
-    {
-        let correlated = correlation::candidates(a, b, some, effort);
+    let thorough = correlation::THOROUGH;
+    let rotations = Proposed::new(&a.turns, &b.turns, thorough.promising);
+    for (some, effort) in [
+        (rotations.promising(), thorough),
+        (rotations.further(thorough.further), thorough.of_further()),
+    ] {
+        let correlated = correlation::candidates(a, b, &some, effort);
         found.extend(correlated.into_iter().map(|(_, c)| c));
     }
     found
@@ -103,6 +107,13 @@ type Scored = (f64, Candidate);
 /// A pose and its log-likelihood ratio at each standard deviation of the walls, nats.
 type Weighed = (Candidate, Vec<f64>);
 
+/// Poses that have taken the first steps uphill.
+struct Begun {
+    poses: Vec<Weighed>,
+    /// How a candidate must look to follow them.
+    bar: f64,
+}
+
 struct Search<'s> {
     a: &'s LocalMap,
     b: &'s LocalMap,
@@ -130,38 +141,43 @@ impl<'s> Search<'s> {
     /// Number of candidates, and the tops that they lead to.
     fn run(&self, hints: &[Se2]) -> (usize, Vec<Weighed>) {
         let (a, b) = (self.a, self.b);
-        let structures = match self.effort.has_structures {
-            true => of_structures(a, b, self.config),
-            false => Vec::new(),
-        };
         let hints: Vec<Candidate> =
             hints.iter().map(|t| Candidate { t_a_b: *t, source: Source::Members }).collect();
-        let mut candidates = structures.len() + hints.len();
-        let (rotations, promising) =
-            rotations::proposed(&a.turns, &b.turns, self.effort.correlation);
-        let (promising, others) = rotations.split_at(promising);
+        let mut candidates = hints.len();
         let effort = self.effort.correlation;
+        let rotations = Proposed::new(&a.turns, &b.turns, effort.promising);
         let mut look = |structures: Vec<Candidate>, rotations: &[f64], effort| {
             let found = correlation::candidates(a, b, rotations, effort);
-            candidates += found.len();
+            candidates += structures.len() + found.len();
             self.looked_at(structures, found.into_iter().map(|(_, c)| c).collect())
         };
-        let looked_at = look(structures, promising, effort);
-        let mut begun = self.begun(&looked_at, self.effort.least_look);
-        // Round columns and clutter have all directions: what the walls promise may be far from the truth.
-        let is_known = |c: &Candidate| is_proven(&self.weigh(*c, 2 * FIRST_SAMPLES));
-        if !begun.iter().any(is_proven) && !hints.iter().any(is_known) {
-            // There are more poses at more rotations: some of them look well whatever the maps are.
-            let least = looked_at.get(FIRST_LOOKS - 1).map_or(f64::NEG_INFINITY, |(l, _)| *l);
-            let looked_at = look(Vec::new(), others, effort.of_further());
-            begun.extend(self.begun(&looked_at, least.max(self.effort.least_look)));
+        let looked_at = look(Vec::new(), &rotations.promising(), effort);
+        let (few, rest) = looked_at.split_at(looked_at.len().min(FIRST_FOLLOWED));
+        let mut begun = Begun { poses: Vec::new(), bar: f64::NEG_INFINITY };
+        self.begin(few, &mut begun);
+        let plenty = self.plenty();
+        let has_plenty = begun.poses.iter().any(|(_, fits)| fits.iter().any(|l| *l > plenty));
+        if has_plenty || (!self.effort.has_structures && effort.further == 0) {
+            self.begin(rest, &mut begun);
+        } else {
+            let is_known = |c: &Candidate| is_proven(&self.weigh(*c, 2 * FIRST_SAMPLES));
+            // Round columns and clutter have all directions: what the walls promise may be far from the truth.
+            let is_found = begun.poses.iter().any(is_proven) || hints.iter().any(is_known);
+            let others = rotations.further(if is_found { 0 } else { effort.further });
+            let structures = match self.effort.has_structures {
+                true => of_structures(a, b, self.config),
+                false => Vec::new(),
+            };
+            let mut more = look(structures, &others, effort.of_further());
+            more.extend(rest);
+            self.begin(&self.distinct(more, self.followed()), &mut begun);
         }
         // The finest standard deviation tells sharp maps' poses apart, the widest finds those of bent maps;
         // what either finds is tried at all of them.
         let mut ends = vec![0, self.rungs.len() - 1];
         ends.dedup();
         let tops: Vec<Candidate> =
-            ends.into_iter().flat_map(|rung| self.climbed(&begun, &hints, rung)).collect();
+            ends.into_iter().flat_map(|rung| self.climbed(&begun.poses, &hints, rung)).collect();
         let tops = tops.into_iter().map(|c| self.weigh(c, FINAL_SAMPLES)).collect();
         (candidates, tops)
     }
@@ -178,28 +194,38 @@ impl<'s> Search<'s> {
         looks.extend(correlated.into_iter().map(look));
         glance.narrow(&mut looks, glance::MOST, usize::MAX);
         let looks = looks.into_iter().map(|(l, c)| (f64::from(l.score), c)).collect();
-        self.distinct(looks, 3 * shortlist / 2)
+        self.distinct(looks, self.followed())
     }
 
-    /// The first steps uphill. What looks worse than `least` takes none, nor what looks far worse than a pose that has
-    /// proven itself meanwhile.
-    fn begun(&self, looked_at: &[Scored], least: f64) -> Vec<Weighed> {
+    /// Most candidates that are led uphill at a time.
+    fn followed(&self) -> usize {
+        3 * self.effort.shortlist / 2
+    }
+
+    /// Log-likelihood from which on corners and pairs of walls are not asked, nats: by the map that shows less.
+    fn plenty(&self) -> f64 {
+        let weight = |m: &LocalMap| m.probes.iter().map(|p| f64::from(p.weight)).sum::<f64>();
+        PROVEN.max(PLENTY * self.rungs[0].hit * weight(self.a).min(weight(self.b)))
+    }
+
+    /// The first steps uphill of some candidates, the best first. What looks worse than matters takes none, nor what looks
+    /// far worse than a pose that has proven itself before.
+    fn begin(&self, some: &[Scored], begun: &mut Begun) {
         let climb = Climb { steps: FIRST_STEPS, ..self.climb(FIRST_SAMPLES) };
         let rung = &self.rungs[self.rungs.len() / 2];
-        let mut begun: Vec<Weighed> = Vec::new();
-        let mut bar = f64::NEG_INFINITY;
-        for (k, (look, c)) in looked_at.iter().enumerate() {
-            if (k >= BEGUN && *look < bar) || *look < least {
+        for (look, c) in some {
+            if (begun.poses.len() >= FIRST_FOLLOWED && *look < begun.bar)
+                || *look < self.effort.least_look
+            {
                 break;
             }
             let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };
-            let (c, fits) = self.weigh(Candidate { t_a_b, ..*c }, 2 * FIRST_SAMPLES);
-            begun.push((c, fits));
-            if begun.last().is_some_and(is_proven) {
-                bar = bar.max(RIVAL * look);
+            let pose = self.weigh(Candidate { t_a_b, ..*c }, 2 * FIRST_SAMPLES);
+            if is_proven(&pose) && *look > 0.0 {
+                begun.bar = begun.bar.max(RIVAL * look);
             }
+            begun.poses.push(pose);
         }
-        begun
     }
 
     /// The tops of the best at one standard deviation of the walls.
@@ -314,65 +340,4 @@ fn poses(scored: Vec<Scored>) -> Vec<Candidate> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::grid::OccupancyGrid;
-
-    fn map(config: &Config) -> LocalMap {
-        let cells = (0..900).map(|k| if k % 30 == 4 { 100 } else { 0 }).collect();
-        LocalMap::new(OccupancyGrid::new("g", 30, 30, 0.1, Se2::IDENTITY, cells).unwrap(), config)
-    }
-
-    /// Shifts along x of the rivals of some, shifts and log-likelihoods given, with so many stories at least.
-    fn rivals(some: &[(f64, f64)], keep: usize, stories: usize, least: f64) -> Vec<f64> {
-        rivals_of(some, Source::Corners, keep, stories, least)
-    }
-
-    fn rivals_of(
-        some: &[(f64, f64)],
-        source: Source,
-        keep: usize,
-        stories: usize,
-        least: f64,
-    ) -> Vec<f64> {
-        let config = Config::default();
-        let (a, b) = (map(&config), map(&config));
-        let effort = Effort {
-            shortlist: 9,
-            modes: 6,
-            stories,
-            correlation: correlation::THOROUGH,
-            has_structures: false,
-            least: vec![least; 2],
-            least_look: f64::NEG_INFINITY,
-        };
-        let search = Search::new(&a, &b, &effort, &config).unwrap();
-        let scored = some.iter().map(|(x, l)| {
-            let t_a_b = Se2::new(*x, 0.0, 0.0);
-            (*l, Candidate { t_a_b, source })
-        });
-        let kept = search.rivals(scored.collect(), 0, keep, stories);
-        kept.iter().map(|(_, c)| c.t_a_b.x).collect()
-    }
-
-    #[test]
-    fn what_lies_far_behind_is_left_except_for_another_story() {
-        let none = f64::NEG_INFINITY;
-        // 0.02 m apart is the same pose, 0.3 m the same story.
-        let some = [(9.0, 10.0), (0.0, 100.0), (0.02, 99.0), (0.3, 40.0), (5.0, 60.0), (7.0, 20.0)];
-        assert_eq!(rivals(&some, 6, 1, none), [0.0, 5.0]);
-        assert_eq!(rivals(&some, 6, 3, none), [0.0, 5.0, 0.3, 7.0]);
-        assert_eq!(rivals(&some, 1, 1, none), [0.0]);
-        assert_eq!(rivals(&some, 1, 2, none), [0.0, 5.0]);
-        // Behind a low best, which chance may reach, lie ten nats, not half of it.
-        let low = [(0.0, 15.0), (5.0, 6.0), (9.0, 4.0), (13.0, -30.0)];
-        assert_eq!(rivals(&low, 6, 1, none), [0.0, 5.0]);
-        assert_eq!(rivals(&low, 6, 4, none), [0.0, 5.0, 9.0, 13.0]);
-        assert_eq!(rivals(&[(0.0, 15.0), (5.0, 1.0)], 6, 1, 4.0), [0.0]);
-        // Of one story no more than are asked for.
-        let one_story = [0.0, 0.21, -0.21, 0.42, -0.42].map(|x| (x, 9.0));
-        assert_eq!(rivals(&one_story, 1, 2, none).len(), 3);
-        // What is known to be worth a climb stays however far it lies behind.
-        assert_eq!(rivals_of(&some, Source::Members, 6, 1, none).len(), 5);
-    }
-}
+mod tests;

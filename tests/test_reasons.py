@@ -11,7 +11,7 @@ import mapmeld
 from mapmeld.grid import UNKNOWN, OccupancyGrid
 from mapmeld.reasons import reason
 from mapmeld.result import Hypothesis, HypothesisMap, MergeResult, Mode, Pair
-from rooms import building, hall, two_way_room
+from rooms import TRUTH, building, hall, two_way_room, view
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +67,19 @@ def test_a_room_that_a_half_turn_takes_to_itself_is_ambiguous() -> None:
         assert sorted(m.name for m in h.maps) == ["a", "b"], "each once"
     turn = [next(m for m in h.maps if m.name == ambiguous.name).T_component_map[2] for h in (first, second)]
     assert abs((turn[0] - turn[1] + np.pi) % (2 * np.pi) - np.pi) > 3.0
+
+
+def test_walls_that_run_one_way_leave_a_map_ambiguous() -> None:
+    """What the two maps share is the outer walls between two rooms, 2.3 m of a corridor."""
+    left, right = view("left", (-0.5, 8.5), TRUTH["left"]), view("right", (6.2, 15.0), TRUTH["right"])
+    result = mapmeld.merge([left, right])
+    told = [(m.status, m.reason) for m in result.maps]
+    assert {m.status for m in result.maps} == {"ambiguous"}, told
+    pair = result.pairs[0]
+    assert pair.status == "ambiguous" and pair.probability < 0.5
+    along = np.sqrt(np.linalg.eigvalsh(pair.modes[0].covariance[:2, :2]).max())
+    assert along > 1.0, "metres that it may slide"
+    assert any("run nearly all in one direction" in m.reason for m in result.maps), told
 
 
 def test_where_a_map_lies_alone_is_no_place_among_others() -> None:

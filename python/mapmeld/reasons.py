@@ -50,7 +50,8 @@ def reason(
             )
         first, *others = [f"{p:.2f}" for p in likely[:3]]
         second = f", the next {' and '.join(others)}" if others else ""
-        return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}"
+        slides = "; the walls in common run nearly all in one direction" if _slides(own, centres) else ""
+        return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}{slides}"
     if every and not own:
         return "the only maps whose walls fit its own are forbidden to match it"
     if not own:
@@ -82,6 +83,13 @@ def _merged(name: str, own: Sequence[Pair]) -> str:
     return f"held by {_other(best, name)}: {_evidence(best)}{too}"
 
 
+def _slides(own: Sequence[Pair], centres: Mapping[str, Sequence[float]]) -> bool:
+    """Whether the surest pair that places a map may lie anywhere along its walls."""
+    placing = [p for p in own if p.status in ("merged", "ambiguous")]
+    best = max(placing, key=lambda p: p.probability, default=None)
+    return best is not None and _lack(best, centres) is Lack.DIRECTION
+
+
 def _is_told(
     pair: Pair, placed: Mapping[str, NDArray[np.float64]], centres: Mapping[str, Sequence[float]]
 ) -> bool:
@@ -98,15 +106,24 @@ def _evidence(pair: Pair) -> str:
     return f"probability {pair.probability:.2f} for these two alone, {shared}"
 
 
-def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
-    """What speaks against the best mode of two maps."""
+def _rivals(pair: Pair, centres: Mapping[str, Sequence[float]]) -> tuple[float, float]:
+    """What the mirror image reaches, and what the best other place does, nats."""
     mode = pair.modes[0]
     centre = centres[pair.b]
     rivals = [m.log_likelihood for m in pair.modes if not is_one_place(m.T_a_b, mode.T_a_b, centre)]
-    mirrored, elsewhere = pair.decoy_log_likelihood or 0.0, max(rivals, default=0.0)
-    rival = max(mirrored, elsewhere)
+    return pair.decoy_log_likelihood or 0.0, max(rivals, default=0.0)
+
+
+def _lack(pair: Pair, centres: Mapping[str, Sequence[float]]) -> Lack:
+    mode = pair.modes[0]
     numbers = (mode.shared_length, mode.hits, mode.conflicts, mode.second_direction)
-    match lack_of(*numbers, mode.log_likelihood, rival):
+    return lack_of(*numbers, mode.log_likelihood, max(_rivals(pair, centres)))
+
+
+def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
+    """What speaks against the best mode of two maps."""
+    mode = pair.modes[0]
+    match _lack(pair, centres):
         case Lack.WALL:
             return ", too little"
         case Lack.CONFLICTS:
@@ -115,7 +132,8 @@ def _lacking(pair: Pair, centres: Mapping[str, Sequence[float]]) -> str:
         case Lack.DIRECTION:
             return ", nearly all in one direction"
         case Lack.RIVAL:
-            share = math.floor(100 * rival / mode.log_likelihood)
+            mirrored, elsewhere = _rivals(pair, centres)
+            share = math.floor(100 * max(mirrored, elsewhere) / mode.log_likelihood)
             what = "its mirror image" if mirrored >= elsewhere else "another place"
             return f", and {what} fits {'better' if share > 100 else f'{share} % as well'}"
     return ""

@@ -67,7 +67,7 @@ fn settle(
         let p = &rungs[rung];
         let t_base_moved = climb::climb_group(&base, &own, start, most, &p.rigid())?;
         let evidence = placed::between(&base, &above.placed(maps, &t_base_moved), p);
-        let background = Background::new(maps.iter(), rung, decoy);
+        let background = Background::new(maps.iter(), (rung, p), decoy);
         let verdict = verdict::weigh(&[&evidence], &background, &config.evidence);
         let probability = verdict.probabilities.first().copied().unwrap_or(0.0);
         Some(Snap { t_base_moved, evidence, probability })

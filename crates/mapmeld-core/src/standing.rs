@@ -148,7 +148,8 @@ impl Weighing<'_> {
         let involved = base.iter().chain(moved).map(|(m, _)| &self.maps[*m]);
         // As where merged maps join; a single map is asked for as on the robot's way.
         let pairs = if base.len().min(moved.len()) > 1 { base.len() * moved.len() } else { 1 };
-        let alone = Background::new(involved, rung, self.decoy(base, moved));
+        let alone =
+            Background::new(involved, (rung, &self.config.perception), self.decoy(base, moved));
         let background = Background { pairs, ..alone };
         let mut verdict = verdict::weigh(&sorted, &background, &self.config.evidence);
         if let Some(odds) = self.prior_odds(base, moved, order.iter().map(|k| &seen[*k])) {

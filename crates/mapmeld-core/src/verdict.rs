@@ -5,11 +5,12 @@
 //! show: few walls in clear free space, a good share of the walls, much floor in common. It is fitted on
 //! simulated and recorded buildings and checked on buildings left out (`benchmarks/calibrate.py`).
 
-use crate::config::EvidenceConfig;
+use crate::config::{EvidenceConfig, PerceptionConfig};
 use crate::evidence::Status;
 use crate::local_map::LocalMap;
 use crate::perception::WallEvidence;
-use crate::registration::{PairModes, Registered};
+use crate::registration::{PairModes, Registered, SAME_WORLD};
+use std::f64::consts::SQRT_2;
 
 /// Number of features, without the constant.
 pub const FEATURES: usize = 18;
@@ -64,6 +65,8 @@ pub struct Background {
     pub openness: f64,
     /// Which degree of bending the maps are weighed at, 0 the finest.
     pub rung: usize,
+    /// How far a wall lies from the same wall in another map, one standard deviation, metres.
+    pub sigma: f64,
     /// The best log-likelihood ratio that a mirror image reaches, nats.
     pub decoy: f64,
     /// Pairs of members of two merged maps: the walls of all add up, and any of them may agree by chance. 1 for maps.
@@ -71,11 +74,17 @@ pub struct Background {
 }
 
 impl Background {
-    /// Of some maps that are laid on each other.
-    pub fn new<'m>(maps: impl Iterator<Item = &'m LocalMap>, rung: usize, decoy: f64) -> Self {
-        let (smear, openness) = (f64::MAX, 0.0);
-        let none = Self { walls: 0.0, straight: 1.0, smear, openness, rung, decoy, pairs: 1 };
+    /// Of some maps that are laid on each other, at a degree of bending: its index and its model.
+    pub fn new<'m>(
+        maps: impl Iterator<Item = &'m LocalMap>,
+        (rung, model): (usize, &PerceptionConfig),
+        decoy: f64,
+    ) -> Self {
+        let (smear, openness, sigma) = (f64::MAX, 0.0, model.climb_sigma);
+        let none =
+            Self { walls: 0.0, straight: 1.0, smear, openness, rung, sigma, decoy, pairs: 1 };
         maps.fold(none, |of, m| Self {
+            sigma: of.sigma.max(m.grid.resolution()),
             walls: of.walls.max(m.wall_length),
             straight: of.straight.min(m.straight_share),
             smear: of.smear.min(m.smear),
@@ -91,6 +100,7 @@ impl Background {
             straight: self.straight.min(others.straight),
             smear: self.smear.min(others.smear),
             openness: self.openness.max(others.openness),
+            sigma: self.sigma.max(others.sigma),
             decoy: self.decoy.max(others.decoy),
             ..*self
         }
@@ -155,16 +165,23 @@ pub fn probability(
     1.0 / (1.0 + (-(constant + sum).min(walls)).exp())
 }
 
-/// The verdict on two maps alone, at one of the degrees of bending.
+/// Probability that walls hold a pose where it is, along the axis that they hold least: in a bare corridor it may lie
+/// anywhere.
+fn held(e: &WallEvidence, background: &Background) -> f64 {
+    let slide = background.sigma / e.second_direction().max(1e-12).sqrt();
+    libm::erf(SAME_WORLD.0 / (SQRT_2 * slide))
+}
+
+/// The verdict on two maps alone, at one of the degrees of bending: its index and its model.
 pub fn of_pair(
     found: Registered,
-    rung: usize,
+    (rung, model): (usize, &PerceptionConfig),
     maps: [&LocalMap; 2],
     config: &EvidenceConfig,
 ) -> PairModes {
     let Registered { a, b, candidates, mut rungs } = found;
     let found = rungs.swap_remove(rung);
-    let background = Background::new(maps.into_iter(), rung, found.decoy());
+    let background = Background::new(maps.into_iter(), (rung, model), found.decoy());
     let stories = found.stories(maps[1].center.unwrap_or_default());
     let poses: Vec<&WallEvidence> = stories.iter().map(|m| &m.evidence).collect();
     let verdict = weigh(&poses, &background, config);
@@ -188,8 +205,8 @@ pub struct Verdict {
 
 /// Weighs poses that exclude each other, the likeliest first. Each is held against those below it and the mirror
 /// image: the first that stands carries the map, wherever it lies. The first of all is no more probable than it
-/// stands against the others, nor than its share of their likelihoods; the others follow in proportion. What is
-/// lacking to one is for it to lie elsewhere.
+/// stands against the others, nor than its share of their likelihoods, nor than the walls hold it along each axis; the
+/// others follow in proportion. What is lacking to one is for it to lie elsewhere.
 pub fn weigh(poses: &[&WallEvidence], of: &Background, config: &EvidenceConfig) -> Verdict {
     let likelihoods: Vec<f64> = poses.iter().map(|e| e.log_likelihood).collect();
     let standing = |k: usize| {
@@ -204,7 +221,7 @@ pub fn weigh(poses: &[&WallEvidence], of: &Background, config: &EvidenceConfig) 
     // The ratios count correlated observations as if they were independent: the temperature makes up for that.
     let odds: Vec<f64> =
         likelihoods.iter().map(|l| ((l - most) / config.temperature).exp()).collect();
-    let first = standing[0].min(carried / odds.iter().sum::<f64>());
+    let first = standing[0].min(carried / odds.iter().sum::<f64>()).min(held(poses[0], of));
     Verdict {
         probabilities: odds.into_iter().map(|o| first * o).collect(),
         is_carried: carried >= config.min_probability,

@@ -25,6 +25,7 @@ fn background() -> Background {
         smear: 0.0,
         openness: 1.0,
         rung: 0,
+        sigma: 0.07,
         decoy: 8.0,
         pairs: 1,
     }
@@ -113,4 +114,26 @@ fn walls_too_thick_to_be_seen_from_both_sides_are_no_worse() {
     };
     assert_eq!(of(0.0), of(1.0));
     assert!(of(12.0) > of(1.0), "thin ones, seen by both from their own side");
+}
+
+#[test]
+fn what_walls_leave_free_along_an_axis_is_ambiguous() {
+    let config = EvidenceConfig::default();
+    let at = |angle: f64, along: f64, sigma: f64| {
+        // So much is told along the walls, and 15 across them.
+        let (s, c) = angle.sin_cos();
+        let directions =
+            [15.0 * c * c + along * s * s, (15.0 - along) * s * c, 15.0 * s * s + along * c * c];
+        let e = WallEvidence { directions, ..evidence(60.0) };
+        weigh(&[&e], &Background { sigma, ..background() }, &config)
+    };
+    let plain = weigh(&[&evidence(60.0)], &background(), &config);
+    for angle in [0.0, 0.7, 1.5, 2.9] {
+        // Of an end wall two observations hold it to five centimetres.
+        assert_eq!(at(angle, 2.0, 0.07).probabilities, plain.probabilities);
+        // None leave it two metres to slide: it belongs there, and nobody can tell where.
+        let corridor = at(angle, 0.001, 0.07);
+        assert!(corridor.is_carried && corridor.probabilities[0] < 0.25, "{corridor:?}");
+        assert!(at(angle, 0.1, 0.25).probabilities[0] < 0.6 && at(angle, 0.1, 0.07).is_carried);
+    }
 }

@@ -171,7 +171,9 @@ pub fn weigh<'py>(
     let d = PyDict::new(py);
     d.set_item("rung", rung)?;
     d.set_item("modes", pair.modes.iter().map(|m| mode(py, m)).collect::<PyResult<Vec<_>>>()?)?;
-    let background = core::verdict::Background::new([&*a, &*b].into_iter(), rung, pair.decoy());
+    let model = &config.perception.rungs()[rung];
+    let background =
+        core::verdict::Background::new([&*a, &*b].into_iter(), (rung, model), pair.decoy());
     let chance = pair.chance(b.center.unwrap_or_default());
     let features =
         |m: &core::registration::Mode| core::verdict::features(&m.evidence, chance, &background);

@@ -192,8 +192,8 @@ stage! {
         /// The fitted model of the probability: a constant, then the weight of each feature (see
         /// `verdict::features`).
         weights: [f64; 19] = [
-            -8.601, -0.319, -0.516, -0.363, 1.061, -0.490, -1.105, 1.494, 1.076, 1.878,
-            -0.471, -3.225, 2.276, -0.911, -4.556, -1.022, 0.877, 0.445, 1.711,
+            -8.765, -0.340, -0.458, -0.357, 1.046, -0.513, -1.061, 1.413, 1.083, 1.910,
+            -0.386, -2.813, 2.282, -0.887, -3.562, -0.870, 0.819, 0.488, 1.604,
         ],
         /// Log-likelihood ratio at which a pose is at most as probable as not, nats: what the search for it costs.
         even_log_likelihood: f64 = 8.0,

@@ -1,6 +1,6 @@
 //! Registration of one pair of prepared maps: its modes, and what chance reaches.
 
-use crate::config::{Config, EvidenceConfig, PerceptionConfig};
+use crate::config::{Config, PerceptionConfig};
 use crate::local_map::LocalMap;
 use crate::perception::placed;
 use crate::registration::{
@@ -15,7 +15,8 @@ use nalgebra::Matrix3;
 use std::f64::consts::TAU;
 
 /// How the mirror image is looked for: what its best pose reaches matters, and not where that is.
-const OF_DECOYS: correlation::Effort = correlation::Effort { promising: 4, further: 0, steps: 1.0, peaks: 80 };
+const OF_DECOYS: correlation::Effort =
+    correlation::Effort { promising: 4, further: 0, steps: 1.0, peaks: 80 };
 /// Share of how a mode that has proven itself looks: what the mirror image looks less like is negligible, too.
 const LEAST_LOOK: f64 = 0.2;
 
@@ -57,7 +58,7 @@ pub fn register(
     }
     // What does not stand with nothing held against it need not be held against the mirror image, nor against others
     // that do not stand. Known poses may lift what walls alone do not.
-    let may_stand = !hints.is_empty() || may_stand([ma, mb], &modes, &config.evidence);
+    let may_stand = !hints.is_empty() || may_stand([ma, mb], &modes, config);
     for ((modes, others), p) in modes.iter_mut().zip(others).zip(&rungs) {
         modes.extend(others.into_iter().filter(|_| may_stand).map(|c| mode(ma, mb, c, p)));
         modes.sort_by(|x, y| y.evidence.log_likelihood.total_cmp(&x.evidence.log_likelihood));
@@ -107,12 +108,12 @@ fn decoys(
 }
 
 /// Whether any mode would be followed if neither the mirror image nor another mode spoke against it.
-fn may_stand(maps: [&LocalMap; 2], modes: &[Vec<Mode>], config: &EvidenceConfig) -> bool {
-    modes.iter().enumerate().any(|(rung, modes)| {
-        let alone = Background::new(maps.into_iter(), rung, 0.0);
-        let stands = |m: &Mode| {
-            verdict::probability(&m.evidence, 0.0, &alone, config) >= config.least_followed
-        };
+fn may_stand(maps: [&LocalMap; 2], modes: &[Vec<Mode>], config: &Config) -> bool {
+    let c = &config.evidence;
+    modes.iter().zip(config.perception.rungs()).enumerate().any(|(rung, (modes, model))| {
+        let alone = Background::new(maps.into_iter(), (rung, &model), 0.0);
+        let stands =
+            |m: &Mode| verdict::probability(&m.evidence, 0.0, &alone, c) >= c.least_followed;
         modes.iter().any(stands)
     })
 }

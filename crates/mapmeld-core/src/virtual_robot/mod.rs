@@ -8,7 +8,7 @@ mod look;
 mod motion;
 mod settling;
 
-use crate::config::{Config, PerceptionModel};
+use crate::config::{Config, PerceptionConfig, PerceptionModel};
 use crate::filter::{LogWeight, Model, Particle, Stream};
 use crate::local_map::LocalMap;
 use crate::memory::{Memory, Motion};
@@ -129,8 +129,13 @@ impl VirtualRobot<'_> {
         placed.iter().for_each(|(m, _)| is_placed[*m] = true);
         let members: Vec<&LocalMap> = placed.iter().flat_map(|(m, _)| self.members(*m)).collect();
         let member_count = members.len();
-        let background = Background::new(members.into_iter(), self.rung, 0.0);
+        let background = Background::new(members.into_iter(), self.model(), 0.0);
         Here { merged, placed, is_placed, background, member_count }
+    }
+
+    /// The degree of bending, its index and its model.
+    fn model(&self) -> (usize, &PerceptionConfig) {
+        (self.rung, &self.config.perception)
     }
 
     /// The local maps that a map is made of. Merged maps are judged by their size, as every map is.
@@ -164,7 +169,7 @@ impl VirtualRobot<'_> {
         let decoy = partners.map(|m| self.pairs.decoy(m, map)).fold(0.0, f64::max);
         let members = self.members(map);
         let pairs = self.parts.as_ref().map_or(1, |_| here.member_count * members.len());
-        let own = Background::new(members.into_iter(), self.rung, decoy);
+        let own = Background::new(members.into_iter(), self.model(), decoy);
         let background = Background { pairs, ..own.with(&here.background) };
         let c = &self.config.evidence;
         let poses: Vec<&WallEvidence> = seen.iter().map(|(.., e)| e).collect();

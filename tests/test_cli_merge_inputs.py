@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -214,6 +215,19 @@ def test_maps_that_lack_a_class_of_cells_are_told(tmp_path: Path) -> None:
         assert err.count(f"map {name} has no {lack} cell") == err.count(f"map {name} has no") == 1
     # A closed hall that ends at its walls lacks nothing.
     assert err.count("has no") == 3
+    assert "more occupied cells" not in err
+
+
+def test_a_map_drawn_the_other_way_round_is_told(tmp_path: Path) -> None:
+    left, middle, _ = building()
+    paths = save(tmp_path / "maps", [left, middle])
+    described = Path(paths[0]).read_text()
+    assert "negate: 0" in described
+    Path(paths[0]).write_text(described.replace("negate: 0", "negate: 1"))
+    code, _, err = run_cli("merge", *paths, "-o", tmp_path / "out")
+    assert code == 0
+    assert re.search(r"map left has more occupied cells \(\d+\) than free ones \(\d+\).*`negate`", err), err
+    assert "map middle has" not in err
 
 
 def test_a_place_that_is_not_there_is_told(tmp_path: Path) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mapmeld import Known, MapmeldError, Prior, SamePoints, merge, read_map, se2
+from mapmeld.contradictions import contradictions
+from mapmeld.merge_view import warnings
 from mapmeld.result import MergeResult
 from rooms import TRUTH, building, hall, view
 
@@ -91,6 +94,22 @@ def test_points_that_contradict_the_walls_win() -> None:
     result = merge(building()[:2], known=Known(same_points=(SamePoints("left", "middle", shifted),)))
     assert [m.status for m in result.maps] == ["prior", "prior"]
     assert not is_true(result, "left", "middle")
+
+
+def test_walls_that_a_prior_overrules_are_told() -> None:
+    left, middle, _ = building()
+    assert contradictions(merge([left, middle])) == []
+    priors = {name: Prior((x, 0.0, 0.0), (0.3, 0.3, 0.05)) for name, x in (("left", 0.0), ("middle", 40.0))}
+    result = merge([left, middle], known=Known(priors=priors))
+    assert [m.status for m in result.maps] == ["prior", "prior"]
+    (told,) = contradictions(result)
+    off = T_between(result, "left", "middle") - se2.compose(se2.inverse(TRUTH["left"]), TRUTH["middle"])
+    assert {told.a, told.b} == {"left", "middle"}
+    assert told.probability > 0.9
+    assert told.metres > 5.0
+    assert told.radians == pytest.approx(abs(se2.wrap(off[2])), abs=0.05)
+    (line,) = (w for w in warnings(result) if "these two alone" in w)
+    assert re.search(r"(left and middle|middle and left) lie \d+\.\d m and \d+ degrees from", line), line
 
 
 def test_a_forbidden_pair_stays_apart_where_nothing_else_holds_it() -> None:

@@ -141,5 +141,5 @@ def test_what_comes_near_a_match_is_named() -> None:
 
 def test_a_map_whose_sure_matches_contradict_each_other_says_so() -> None:
     assert told_apart(50.0, 0.0, None, "merged").startswith(
-        "alone it would merge with a (0.90), but not in one place"
+        "alone it would merge with a (0.90), but among all maps no place is sure"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from mapmeld.contradictions import contradictions
 from mapmeld.result import MergeResult, PlacedMap
 from mapmeld.true_size import wrong_sizes
 
@@ -13,6 +14,9 @@ if TYPE_CHECKING:
 
 _NONE = "-"
 """What stands for a value that does not exist. Never 0: a pose of 0 is a claim."""
+
+_MOST_CONTRADICTIONS = 3
+"""So many are told of in full."""
 
 
 def summary_table(result: MergeResult) -> Table:
@@ -42,7 +46,7 @@ def warnings(result: MergeResult) -> list[str]:
     parts = len(result.merged_maps)
     if parts > 1:
         lines.append(
-            f"the maps fall into {parts} components; between them there is not enough evidence to merge "
+            f"the maps fall into {parts} components; nothing that is sure enough joins them "
             f"(-v shows every pair). Each is a merged map of its own: {_files(result)}"
         )
     unmerged = [
@@ -51,6 +55,10 @@ def warnings(result: MergeResult) -> list[str]:
     # A prior is what places a map where no wall does; one map alone has nothing to be placed by.
     unmerged += [m for m in result.maps if parts == 1 and m.status in ("prior", "no evidence")]
     lines += [f"map {m.name}: {m.status}: {m.reason}" for m in unmerged]
+    against = contradictions(result)
+    lines += [str(c) for c in against[:_MOST_CONTRADICTIONS]]
+    if len(against) > _MOST_CONTRADICTIONS:
+        lines.append(f"so do {len(against) - _MOST_CONTRADICTIONS} more pairs")
     lines += [str(w) for w in wrong_sizes(result.pairs)]
     return lines
 

@@ -1,4 +1,4 @@
-"""Maps that lack a class of cells, which hardly anything can be merged with."""
+"""Maps that lack a class of cells, or have two of them confused: hardly anything can be merged with these."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FREE_AT_MOST, _OCCUPIED_AT_LEAST, _MOST = 25, 65, 100
 
 def lacking_class(grid: OccupancyGrid) -> str | None:
     """What a map that knows something lacks, and what to do. None where it has free, occupied and unknown
-    cells, knows nothing, or ends at its walls."""
+    cells, more free than occupied ones, knows nothing, or ends at its walls."""
     # As bytes, unknown cells are the largest.
     cells = grid.data.view(np.uint8)
     has_walls = int(grid.data.max()) >= _OCCUPIED_AT_LEAST
@@ -27,6 +27,14 @@ def lacking_class(grid: OccupancyGrid) -> str | None:
             "has no occupied cell, so nothing can be merged with this map: check the thresholds that it was "
             "saved with, and that it was saved with its walls"
         )
+    if has_walls and has_floor:
+        occupied = int(((cells >= _OCCUPIED_AT_LEAST) & (cells <= _MOST)).sum())
+        free = int((cells <= _FREE_AT_MOST).sum())
+        if occupied > free:
+            return (
+                f"has more occupied cells ({occupied}) than free ones ({free}), as no map of a building has: "
+                "check the thresholds that it was drawn with, and `negate` in the yaml file of a saved one"
+            )
     # A closed hall that ends at its walls knows every cell as well.
     rim = np.concatenate([cells[0], cells[-1], cells[:, 0], cells[:, -1]])
     is_open = has_walls and (rim <= _FREE_AT_MOST).mean() > 0.5

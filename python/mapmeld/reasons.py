@@ -63,8 +63,8 @@ def reason(
         if wrong:
             return f"{told} would hold it where its match with {', '.join(wrong)} is forbidden"
         return (
-            f"alone it would merge with {told}, but not in one place: a match is wrong, or the map is bent, "
-            "or its resolution is another than stated"
+            f"alone it would merge with {told}, but among all maps no place is sure: places look alike, a match "
+            "is wrong, the map is bent, or its resolution is another than stated"
         )
     best = max(own, key=lambda p: p.probability)
     lacking = _lacking(best, centres)

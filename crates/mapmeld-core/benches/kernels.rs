@@ -181,7 +181,7 @@ fn travel(c: &mut Criterion) {
         for b in a + 1..n {
             let mirrored = maps[b].mirrored();
             let found = pair::register(&maps[a], &maps[b], Some(&mirrored), &[], (a, b), &config);
-            pairs.push(verdict::of_pair(found, 0, [&maps[a], &maps[b]], &config.evidence));
+            pairs.push(verdict::of_pair(found, 0, [&maps[a], &maps[b]], &config));
         }
     }
     let pairs = PairTable::new(n, pairs);

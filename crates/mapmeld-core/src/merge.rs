@@ -205,10 +205,9 @@ pub(crate) fn judged(
     maps: &[LocalMap],
     config: &Config,
 ) -> PairTable {
-    let model = &config.perception.rungs()[rung];
     let judge = |f: Registered| {
         let two = [&maps[f.a], &maps[f.b]];
-        verdict::of_pair(f, (rung, model), two, &config.evidence)
+        verdict::of_pair(f, rung, two, config)
     };
     PairTable::new(maps.len(), found.into_iter().map(judge).collect())
 }

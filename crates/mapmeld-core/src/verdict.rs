@@ -5,7 +5,7 @@
 //! show: few walls in clear free space, a good share of the walls, much floor in common. It is fitted on
 //! simulated and recorded buildings and checked on buildings left out (`benchmarks/calibrate.py`).
 
-use crate::config::{EvidenceConfig, PerceptionConfig};
+use crate::config::{Config, EvidenceConfig, PerceptionConfig};
 use crate::evidence::Status;
 use crate::local_map::LocalMap;
 use crate::perception::WallEvidence;
@@ -172,13 +172,9 @@ fn held(e: &WallEvidence, background: &Background) -> f64 {
     libm::erf(SAME_WORLD.0 / (SQRT_2 * slide))
 }
 
-/// The verdict on two maps alone, at one of the degrees of bending: its index and its model.
-pub fn of_pair(
-    found: Registered,
-    (rung, model): (usize, &PerceptionConfig),
-    maps: [&LocalMap; 2],
-    config: &EvidenceConfig,
-) -> PairModes {
+/// The verdict on two maps alone, at one of the degrees of bending.
+pub fn of_pair(found: Registered, rung: usize, maps: [&LocalMap; 2], config: &Config) -> PairModes {
+    let (model, config) = (&config.perception.rungs()[rung], &config.evidence);
     let Registered { a, b, candidates, mut rungs } = found;
     let found = rungs.swap_remove(rung);
     let background = Background::new(maps.into_iter(), (rung, model), found.decoy());

@@ -132,7 +132,7 @@ fn psi_and_gamma_are_those_of_the_model() {
     let mirrored: Vec<LocalMap> = maps.iter().map(LocalMap::mirrored).collect();
     let pair = |a: usize, b: usize| {
         let found = register(&maps[a], &maps[b], Some(&mirrored[b]), &[], (a, b), &walls);
-        verdict::of_pair(found, 0, [&maps[a], &maps[b]], &walls.evidence)
+        verdict::of_pair(found, 0, [&maps[a], &maps[b]], &walls)
     };
     let pairs = PairTable::new(3, vec![pair(0, 1), pair(0, 2), pair(1, 2)]);
     let known = Known::default();

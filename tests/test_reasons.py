@@ -76,7 +76,8 @@ def test_walls_that_run_one_way_leave_a_map_ambiguous() -> None:
     told = [(m.status, m.reason) for m in result.maps]
     assert {m.status for m in result.maps} == {"ambiguous"}, told
     pair = result.pairs[0]
-    assert pair.status == "ambiguous" and pair.probability < 0.5
+    assert pair.status == "ambiguous"
+    assert pair.probability < 0.5
     along = np.sqrt(np.linalg.eigvalsh(pair.modes[0].covariance[:2, :2]).max())
     assert along > 1.0, "metres that it may slide"
     assert any("run nearly all in one direction" in m.reason for m in result.maps), told

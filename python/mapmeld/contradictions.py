@@ -17,8 +17,8 @@ ELSEWHERE = (1.0, math.radians(10.0))
 
 @dataclass(frozen=True)
 class Contradiction:
-    """Two maps that alone would be merged, with some probability, so far from where they are in one component:
-    metres and radians."""
+    """Two maps that alone would be merged, with some probability, so far from where they are in one
+    component: metres and radians."""
 
     a: str
     b: str
@@ -28,9 +28,10 @@ class Contradiction:
 
     def __str__(self) -> str:
         return (
-            f"{self.a} and {self.b} lie {self.metres:.1f} m and {math.degrees(self.radians):.0f} degrees from "
-            f"where the walls of these two alone would have them (probability {self.probability:.2f}): either "
-            "something else that holds them is wrong, or their walls match at a place that looks alike"
+            f"{self.a} and {self.b} lie {self.metres:.1f} m and {math.degrees(self.radians):.0f} degrees "
+            "from where the walls of these two alone would have them "
+            f"(probability {self.probability:.2f}): either something else that holds them is wrong, or their "
+            "walls match at a place that looks alike"
         )
 
 

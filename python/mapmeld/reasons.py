@@ -51,7 +51,8 @@ def reason(
         first, *others = [f"{p:.2f}" for p in likely[:3]]
         second = f", the next {' and '.join(others)}" if others else ""
         slides = "; the walls in common run nearly all in one direction" if _slides(own, centres) else ""
-        return f"it belongs to other maps, but its place is not sure: the likeliest one has {first}{second}{slides}"
+        likeliest = f"the likeliest one has {first}{second}{slides}"
+        return f"it belongs to other maps, but its place is not sure: {likeliest}"
     if every and not own:
         return "the only maps whose walls fit its own are forbidden to match it"
     if not own:
@@ -63,8 +64,8 @@ def reason(
         if wrong:
             return f"{told} would hold it where its match with {', '.join(wrong)} is forbidden"
         return (
-            f"alone it would merge with {told}, but among all maps no place is sure: places look alike, a match "
-            "is wrong, the map is bent, or its resolution is another than stated"
+            f"alone it would merge with {told}, but among all maps no place is sure: places look alike, a "
+            "match is wrong, the map is bent, or its resolution is another than stated"
         )
     best = max(own, key=lambda p: p.probability)
     lacking = _lacking(best, centres)

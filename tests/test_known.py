@@ -225,3 +225,12 @@ def test_a_recorded_merge_that_fails_alone_is_made_right_by_two_corners(shared_d
     assert {m.status for m in result.maps} == {"merged"}
     off = T_between(result, maps[0].name, maps[1].name) - T_a_b
     assert math.hypot(off[0], off[1]) < 0.3
+
+
+def test_a_lone_prior_says_nothing_and_says_so() -> None:
+    left, _, _ = building()
+    prior = Known(priors={"left": Prior((3.0, 0.0, 0.0), (0.1, 0.1, 0.05))})
+    result = merge([left, hall()], known=prior)
+    placed = {m.name: m for m in result.maps}
+    assert placed["left"].status == "prior"
+    assert "no other map lies in the world of its prior" in placed["left"].reason

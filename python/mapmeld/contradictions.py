@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmeld import se2
-from mapmeld.one_place import apart
-from mapmeld.result import MergeResult
+from mapmeld.one_place import Pose, apart
+from mapmeld.result import MergeResult, Pair
 
 ELSEWHERE = (1.0, math.radians(10.0))
 """Metres in the middle of the merged map, and radians, from which on that is told of."""
@@ -35,21 +36,30 @@ class Contradiction:
         )
 
 
+def displaced(
+    pair: Pair, name: str, poses: Mapping[str, Pose], middle: Sequence[float]
+) -> tuple[float, float]:
+    """How far a map of a pair lies from where their walls alone would have it beside the other: metres at its
+    middle, and radians. poses: of both in one frame."""
+    other = pair.b if pair.a == name else pair.a
+    T_a_b = pair.modes[0].T_a_b
+    T_other_map = se2.inverse(T_a_b) if pair.a == name else T_a_b
+    return apart(poses[name], se2.compose(poses[other], T_other_map), middle)
+
+
 def contradictions(result: MergeResult) -> list[Contradiction]:
     """The contradictions of a result, the surest first."""
     placed = {m.name: m for m in result.maps}
+    poses = {m.name: m.T_component_map for m in result.maps if m.T_component_map is not None}
     found = []
     for pair in (p for p in result.pairs if p.status == "merged"):
         a, b = placed[pair.a], placed[pair.b]
         merged = None if a.component != b.component else result.components[a.component].merged
-        if merged is None or a.T_component_map is None or b.T_component_map is None:
+        if merged is None or a.name not in poses or b.name not in poses:
             continue
-        T_a_b = se2.compose(se2.inverse(a.T_component_map), b.T_component_map)
-        corner = np.array(merged.origin[:2])
-        middle = corner + 0.5 * merged.resolution * np.array([merged.width, merged.height])
-        metres, radians = apart(
-            pair.modes[0].T_a_b, T_a_b, se2.apply(se2.inverse(b.T_component_map), middle).tolist()
-        )
+        half = 0.5 * merged.resolution * np.array([merged.width, merged.height])
+        middle = se2.apply(se2.inverse(poses[b.name]), np.array(merged.origin[:2]) + half)
+        metres, radians = displaced(pair, b.name, poses, middle.tolist())
         if metres > ELSEWHERE[0] or radians > ELSEWHERE[1]:
-            found.append(Contradiction(pair.a, pair.b, pair.probability, metres, radians))
+            found.append(Contradiction(a.name, b.name, pair.probability, metres, radians))
     return sorted(found, key=lambda c: -c.probability)

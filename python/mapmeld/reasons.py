@@ -37,6 +37,8 @@ def reason(
     if status == "blank":
         return "it holds no known cell, so it is placed nowhere"
     if status == "prior":
+        if len(placed) == 1:
+            return "no other map lies in the world of its prior, which says nothing until one does"
         return "placed by its prior alone"
     every = [p for p in pairs if name in (p.a, p.b) and p.modes]
     own = [p for p in every if p.status != "forbidden"]

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapmeld import se2
+from mapmeld.contradictions import displaced
 from mapmeld.estimate import RobotEstimate, RunnerUp
 from mapmeld.frames import Held
-from mapmeld.one_place import apart, is_one_place
+from mapmeld.one_place import ONE_PLACE, is_one_place
 from mapmeld.result import Hypothesis, MergeResult, PlacedMap
 
 
@@ -102,11 +103,8 @@ def _contradiction(
         other = pair.b if pair.a == name else pair.a
         if other not in component.poses:
             continue
-        T_a_b = pair.modes[0].T_a_b
-        T_other_map = se2.inverse(T_a_b) if pair.a == name else T_a_b
-        walls = se2.compose(component.poses[other], T_other_map)
-        metres, radians = apart(component.poses[name], walls, centres[name])
-        is_elsewhere = not is_one_place(component.poses[name], walls, centres[name])
+        metres, radians = displaced(pair, name, component.poses, centres[name])
+        is_elsewhere = metres > ONE_PLACE[0] or radians > ONE_PLACE[1]
         if is_elsewhere and pair.probability > most:
             most = pair.probability
             worst = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import faulthandler
 import signal
@@ -32,6 +33,7 @@ class Interruption:
         signal.set_wakeup_fd(self._told.fileno(), warn_on_full_buffer=False)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _nothing)
+        atexit.register(_be_deaf)
         threading.Thread(target=self._wait, name="interruption", daemon=True).start()
 
     @property
@@ -53,6 +55,12 @@ def end_soon() -> None:
     # Without a stderr there is nobody to tell.
     with contextlib.suppress(RuntimeError):
         faulthandler.dump_traceback_later(PATIENCE, exit=True)
+
+
+def _be_deaf() -> None:
+    """Before it ends, Python gives signals back to the system, which would end the process as if unheard."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _nothing(number: int, frame: FrameType | None) -> None:

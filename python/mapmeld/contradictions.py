@@ -58,7 +58,7 @@ def contradictions(result: MergeResult) -> list[Contradiction]:
         if merged is None or a.name not in poses or b.name not in poses:
             continue
         half = 0.5 * merged.resolution * np.array([merged.width, merged.height])
-        middle = se2.apply(se2.inverse(poses[b.name]), np.array(merged.origin[:2]) + half)
+        middle = se2.apply(se2.inverse(poses[b.name]), se2.apply(np.array(merged.origin), half))
         metres, radians = displaced(pair, b.name, poses, middle.tolist())
         if metres > ELSEWHERE[0] or radians > ELSEWHERE[1]:
             found.append(Contradiction(a.name, b.name, pair.probability, metres, radians))

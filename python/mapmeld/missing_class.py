@@ -32,7 +32,7 @@ def lacking_class(grid: OccupancyGrid) -> str | None:
         free = int((cells <= _FREE_AT_MOST).sum())
         if occupied > free:
             return (
-                f"has more occupied cells ({occupied}) than free ones ({free}), as no map of a building has: "
+                f"has more occupied cells ({occupied}) than free ones ({free}), which is not to be expected: "
                 "check the thresholds that it was drawn with, and `negate` in the yaml file of a saved one"
             )
     # A closed hall that ends at its walls knows every cell as well.

@@ -1,7 +1,8 @@
 //! The motion model: registration of a pair of maps by similar structures (paper, section 3).
 //!
 //! Every source proposes transforms, one file each; what they propose is looked at, climbs and becomes modes in the
-//! same way. Corners and pairs of walls are asked where correlation finds too little. A pair's modes depend on no particle: they are computed once.
+//! same way. Corners and pairs of walls are asked where correlation finds too little. A pair's modes depend on no
+//! particle: they are computed once.
 
 pub mod climb;
 pub mod closed_form;

@@ -204,8 +204,11 @@ impl OccupancyGrid {
     }
     /// Number of cells that are of another class in a map of the same size.
     pub fn count_differing(&self, other: &OccupancyGrid) -> usize {
+        const AT_ONCE: usize = 1024;
         let differs = |(a, b): &(&i8, &i8)| class_of(**a) != class_of(**b);
-        self.cells.iter().zip(&other.cells).filter(differs).count()
+        // Mostly few values differ at all: whether any of many does is told at once.
+        let some = self.cells.chunks(AT_ONCE).zip(other.cells.chunks(AT_ONCE));
+        some.filter(|(a, b)| a != b).map(|(a, b)| a.iter().zip(b).filter(differs).count()).sum()
     }
     /// Number of cells of a class.
     pub fn count(&self, class: Class) -> usize {

@@ -4,14 +4,15 @@
 //! direction of walls: for every cell and each of eight directions it holds the nearest wall point
 //! whose normal agrees.
 
+mod nearest;
 mod probe_view;
 
 pub use probe_view::{ProbeView, Seen, Walls};
 
 use crate::boundary::{BoundaryPoint, CellIndex};
-use crate::catchment::{self, Catchments, MAX_REACH};
 use crate::grid::OccupancyGrid;
 use crate::se2::Vec2;
+use nearest::{Nearest, NearestPoints};
 use std::sync::Arc;
 
 /// Number of directions that are told apart.
@@ -52,9 +53,8 @@ const NO_WALL: Wall = Wall { x: 0.0, y: 0.0, nx: 0.0, ny: 0.0 };
 /// See the module's text. Holds indices into the boundary it was made from, and one more for no wall.
 #[derive(Debug, Clone)]
 pub struct LikelihoodField {
-    /// Of each cell, row by row, and last of what lies outside the grid. Where nothing is near, the index of the last
-    /// wall. The mirror image has the same.
-    nearest: Arc<Vec<[u16; DIRECTIONS]>>,
+    /// By their indices in `walls`. The mirror image has the same.
+    nearest: Arc<NearestPoints>,
     columns: usize,
     /// Whether rows are told from their last column to the first, and directions accordingly.
     is_turned: bool,
@@ -105,14 +105,14 @@ impl LikelihoodField {
         reach: usize,
     ) -> Self {
         assert!(boundary.len() < usize::from(u16::MAX), "boundary must be thinned first");
-        let nearest = nearest_of(grid, boundary, index, reach);
+        let nearest = Arc::new(NearestPoints::new(grid, boundary, index, reach));
         let to_axes = grid.origin().inverse().to_rigid();
         let wall = |b: &BoundaryPoint| {
             let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));
             Wall { x: p.x as f32, y: p.y as f32, nx: n.x as f32, ny: n.y as f32 }
         };
         let walls = boundary.iter().map(wall).chain([NO_WALL]).collect();
-        Self { nearest: Arc::new(nearest), columns: grid.width(), is_turned: false, walls }
+        Self { nearest, columns: grid.width(), is_turned: false, walls }
     }
 
     /// The field of the mirror image of a grid so many metres wide, whose boundary has the mirrored points in the same
@@ -130,95 +130,15 @@ impl LikelihoodField {
     /// Of each direction, in the grid's axes, the index of the nearest wall point whose normal agrees with it, at a cell
     /// of the grid; beyond the last point where none is within reach.
     #[inline(always)]
-    pub fn nearest(&self, row: usize, col: usize) -> [u16; DIRECTIONS] {
+    pub fn nearest(&self, row: usize, col: usize) -> Nearest {
         match self.is_turned {
             true => {
-                let there = self.nearest[(row + 1) * self.columns - 1 - col];
+                let there = self.nearest.at((row + 1) * self.columns - 1 - col);
                 std::array::from_fn(|d| there[turned(d)])
             }
-            false => self.nearest[row * self.columns + col],
+            false => *self.nearest.at(row * self.columns + col),
         }
     }
-}
-
-/// For every cell and one beyond the last, the nearest point within reach that agrees with each direction, the first of
-/// those equally near; the number of points where there is none.
-#[multiversion::multiversion(targets("x86_64+avx2"))]
-fn nearest_of(
-    grid: &OccupancyGrid,
-    boundary: &[BoundaryPoint],
-    index: &CellIndex,
-    reach: usize,
-) -> Vec<[u16; DIRECTIONS]> {
-    let (w, h) = (grid.width(), grid.height());
-    let to_grid = grid.locator();
-    let disagree: Vec<Ranks> =
-        boundary.iter().map(|p| disagreeing(to_grid.rotate(p.normal))).collect();
-    let place = |p: &BoundaryPoint| (p.cell as isize / w as isize, p.cell as isize % w as isize);
-    let places: Vec<(isize, isize)> = boundary.iter().map(place).collect();
-    let catchments = Catchments::new(reach);
-    let none = [rank(u8::MAX, boundary.len()); DIRECTIONS];
-    // Points come row by row: only the rows within reach of the last one are open.
-    let open_rows = 2 * reach + 1;
-    let mut open = vec![none; open_rows * w];
-    let mut nearest = vec![[0; DIRECTIONS]; w * h + 1];
-    let mut close = |open: &mut [Ranks], row: usize| {
-        let line = &mut open[row % open_rows * w..][..w];
-        for (found, ranks) in nearest[row * w..].iter_mut().zip(line) {
-            *found = ranks.map(|r| r as u16);
-            *ranks = none;
-        }
-    };
-    let mut closed = 0;
-    for (k, p) in boundary.iter().enumerate() {
-        let (row, col) = places[k];
-        while closed + reach < row as usize {
-            close(&mut open, closed);
-            closed += 1;
-        }
-        // Who agrees wherever this one does takes all cells that lie nearer to it.
-        let mut mine = catchments.alone();
-        index.for_window(p.cell, catchment::AROUND, |q| {
-            if disagree[q].iter().zip(&disagree[k]).all(|(q, own)| q & !own == 0) {
-                catchments.cede(&mut mine, places[q].0 - row, places[q].1 - col);
-            }
-        });
-        for (dr, from, to) in mine.rows() {
-            let at = row + dr;
-            let (from, to) = (from.max(-col), to.min(w as isize - 1 - col));
-            if !(0..h as isize).contains(&at) || from > to {
-                continue;
-            }
-            let line = &mut open[at as usize % open_rows * w..][..w];
-            let disagree = disagree[k];
-            let piece = &mut line[(col + from) as usize..=(col + to) as usize];
-            for (dc, ranks) in (from..).zip(piece) {
-                let own = rank((dr * dr + dc * dc) as u8, k);
-                *ranks = std::array::from_fn(|b| ranks[b].min(own | disagree[b]));
-            }
-        }
-    }
-    (closed..h).for_each(|row| close(&mut open, row));
-    nearest[w * h] = [boundary.len() as u16; DIRECTIONS];
-    nearest
-}
-
-// A squared distance within reach fits a byte, below that of where nothing is.
-const _: () = assert!(MAX_REACH * MAX_REACH < u8::MAX as usize);
-
-/// A rank for each direction.
-type Ranks = [u32; DIRECTIONS];
-
-/// The nearer point ranks lower, and of those equally near the one that comes first; its index is in the lower half.
-fn rank(squared: u8, point: usize) -> u32 {
-    u32::from(squared) << 16 | point as u32
-}
-
-/// No bit in the directions that a normal, in the grid's axes, agrees with; all of them in the others, which makes any
-/// rank the last.
-fn disagreeing(n: Vec2) -> Ranks {
-    let least = AGREE.cos();
-    AXES.map(|(x, y)| if n.x * x + n.y * y >= least { 0 } else { u32::MAX })
 }
 
 #[cfg(test)]

@@ -115,6 +115,8 @@ const SHARP: f64 = 1.5;
 const HOLE: usize = 2;
 /// Depth to which a wall's depth is followed, cells.
 const DEEPEST: usize = 12;
+/// Most walls whose depth is asked for the median.
+const DEPTHS: usize = 1000;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;
 /// Largest number of boundary points that the likelihood field can index.
@@ -278,7 +280,8 @@ fn median_depth(grid: &OccupancyGrid, boundary: &[BoundaryPoint]) -> f64 {
         }
         last
     };
-    let mut depths: Vec<usize> = boundary.iter().map(depth).collect();
+    let step = boundary.len().div_ceil(DEPTHS).max(1);
+    let mut depths: Vec<usize> = boundary.iter().step_by(step).map(depth).collect();
     if depths.is_empty() {
         return 0.0;
     }

@@ -14,6 +14,9 @@ pub type Vec2 = Vector2<f64>;
 
 /// The angle in (-pi, pi].
 pub fn wrap(angle: f64) -> f64 {
+    if angle > -PI && angle <= PI {
+        return angle;
+    }
     let a = angle - TAU * (angle / TAU).round();
     if a <= -PI {
         a + TAU

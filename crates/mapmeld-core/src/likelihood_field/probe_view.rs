@@ -1,6 +1,7 @@
 //! Another map's probes in a likelihood field, a block at a time.
 
-use super::{turned, LikelihoodField, DIRECTIONS};
+use super::nearest::NearestPoints;
+use super::{turned, LikelihoodField, Wall, DIRECTIONS};
 use crate::blocks::{self, Block, LANES};
 use crate::grid::OccupancyGrid;
 use crate::probe::Axes;
@@ -8,7 +9,8 @@ use crate::probe::Axes;
 /// Looks another map's probes up in a field.
 #[derive(Clone, Copy)]
 pub struct ProbeView<'a> {
-    field: &'a LikelihoodField,
+    nearest: &'a NearestPoints,
+    walls: &'a [Wall],
     axes: Axes,
     per_metre: f32,
     width: f32,
@@ -53,7 +55,8 @@ impl<'a> ProbeView<'a> {
     /// A view of the field of a grid from the axes of another one.
     pub fn new(grid: &OccupancyGrid, field: &'a LikelihoodField, axes: Axes) -> Self {
         Self {
-            field,
+            nearest: &field.nearest,
+            walls: &field.walls,
             axes,
             per_metre: (1.0 / grid.resolution()) as f32,
             width: grid.width() as f32,
@@ -98,11 +101,11 @@ impl<'a> ProbeView<'a> {
         let mut nearest = [0u16; LANES];
         for (k, nearest) in nearest.iter_mut().enumerate() {
             let octant = (usize::from(seen.octant[k]) + half_turns * DIRECTIONS / 2) % DIRECTIONS;
-            *nearest = self.field.nearest[seen.place[k] as usize][octant];
+            *nearest = self.nearest.at(seen.place[k] as usize)[octant];
         }
         let mut walls = Walls::none();
         for (k, nearest) in nearest.into_iter().enumerate() {
-            let wall = &self.field.walls[usize::from(nearest)];
+            let wall = &self.walls[usize::from(nearest)];
             (walls.x[k], walls.y[k]) = (wall.x, wall.y);
             (walls.nx[k], walls.ny[k]) = (wall.nx, wall.ny);
         }

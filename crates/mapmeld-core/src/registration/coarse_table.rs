@@ -21,9 +21,6 @@ const DEPTH: f64 = 0.3;
 /// Score of a wall in place, where none is, and in clear free space.
 pub const SCORES: (f64, i8, i8) = (8.0, -3, -16);
 
-/// Agreement of each direction, and last the contradiction, whatever the direction: a wall that is no agreement.
-pub type CoarseCell = [i8; DIRECTIONS + 1];
-
 /// See the module's text. Rows and columns are those of the grid's axes.
 #[derive(Debug, Clone)]
 pub struct CoarseTable {
@@ -33,8 +30,9 @@ pub struct CoarseTable {
     pub width: usize,
     /// Number of rows.
     pub height: usize,
-    /// Row by row; beyond the last a cell that says nothing.
-    cells: Vec<CoarseCell>,
+    /// Agreement of each direction, and last the contradiction, whatever the direction: a wall that is no agreement.
+    /// Each row by row; beyond the last a cell that says nothing.
+    scores: Vec<i8>,
     /// In cells twice as wide.
     pub wide: WideTable,
 }
@@ -63,43 +61,53 @@ impl CoarseTable {
             .map(|b| ((b.cell as usize / g.width()) as i32, (b.cell as usize % g.width()) as i32))
             .collect();
         let fine = |k: usize| ((k as f64 + 0.5) * cell / g.resolution()) as usize;
-        let mut cells = vec![[0; DIRECTIONS + 1]; width * height + 1];
-        for (row, line) in cells.chunks_exact_mut(width).take(height).enumerate() {
+        let size = width * height + 1;
+        let mut scores = vec![0; (DIRECTIONS + 1) * size];
+        let (agreements, contradictions) = scores.split_at_mut(DIRECTIONS * size);
+        for row in 0..height {
             let fine_row = fine(row);
             if fine_row >= g.height() {
                 break;
             }
-            for (col, cell) in line.iter_mut().enumerate() {
+            for col in 0..width {
                 let fine_col = fine(col);
                 if fine_col >= g.width() {
                     break;
                 }
                 let at = fine_row * g.width() + fine_col;
-                let [agree @ .., contradict] = cell;
-                *contradict = match ground.depth_squared(at) >= deep {
+                let contradict = match ground.depth_squared(at) >= deep {
                     true => SCORES.2,
                     false if ground.is_unknown(at) => 0,
                     false => SCORES.1,
                 };
                 // Agreement takes the place of what the cell says of strangers.
-                let otherwise = (*contradict).max(SCORES.1);
-                let nearest = field.nearest(fine_row, fine_col);
-                for (agree, k) in agree.iter_mut().zip(nearest) {
-                    let Some((row, col)) = places.get(usize::from(k)) else { continue };
+                let otherwise = contradict.max(SCORES.1);
+                let cell = row * width + col;
+                contradictions[cell] = contradict;
+                for (k, nearest) in field.nearest(fine_row, fine_col).into_iter().enumerate() {
+                    let Some((row, col)) = places.get(usize::from(nearest)) else { continue };
                     let (rows, cols) = (row - fine_row as i32, col - fine_col as i32);
-                    *agree = (values[(rows * rows + cols * cols) as usize] - otherwise).max(0);
+                    let value = values[(rows * rows + cols * cols) as usize];
+                    agreements[k * size + cell] = (value - otherwise).max(0);
                 }
             }
         }
-        let wide = WideTable::new(width, height, &cells);
-        Self { cell, width, height, cells, wide }
+        let of_each = std::array::from_fn(|k| &scores[k * size..(k + 1) * size - 1]);
+        let wide = WideTable::new(width, height, of_each);
+        Self { cell, width, height, scores, wide }
     }
 
-    /// Agreement and contradiction of a sample in a cell, by its index.
+    /// What samples of a direction agree with: of each cell, and last of what lies outside.
     #[inline(always)]
-    pub fn at(&self, octant: usize, cell: usize) -> (f32, f32) {
-        let cell = &self.cells[cell];
-        (f32::from(cell[octant]), f32::from(cell[DIRECTIONS]))
+    pub fn agreement(&self, octant: usize) -> &[i8] {
+        let size = self.width * self.height + 1;
+        &self.scores[octant * size..][..size]
+    }
+
+    /// What they contradict, likewise.
+    #[inline(always)]
+    pub fn contradiction(&self) -> &[i8] {
+        self.agreement(DIRECTIONS)
     }
 }
 
@@ -108,7 +116,9 @@ impl CoarseTable {
 pub fn score(table: &CoarseTable, samples: &[Block], axes: &Axes) -> f32 {
     let per_metre = (1.0 / table.cell) as f32;
     let (width, height) = (table.width as f32, table.height as f32);
-    let (columns, outside) = (table.width as i32, (table.cells.len() - 1) as i32);
+    let outside = (table.width * table.height) as i32;
+    let size = outside + 1;
+    let (columns, contradiction) = (table.width as i32, table.contradiction());
     let mut score = [0.0; LANES];
     for s in samples {
         // Where they lie first, all at once; then what the cells there say.
@@ -122,7 +132,9 @@ pub fn score(table: &CoarseTable, samples: &[Block], axes: &Axes) -> f32 {
         }
         let (mut agree, mut contradict) = ([0.0; LANES], [0.0; LANES]);
         for (k, cell) in cells.into_iter().enumerate() {
-            (agree[k], contradict[k]) = table.at(axes.octant(s.direction[k]), cell as usize);
+            let octant = axes.octant(s.direction[k]) as i32;
+            agree[k] = f32::from(table.scores[(octant * size + cell) as usize]);
+            contradict[k] = f32::from(contradiction[cell as usize]);
         }
         for k in 0..LANES {
             score[k] += s.weight[k] * agree[k] + s.conflict_weight[k] * contradict[k];

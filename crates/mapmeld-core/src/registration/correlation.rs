@@ -107,6 +107,7 @@ pub fn candidates(
 type Shift = (i32, i32);
 
 /// A turned probe: the fine cell it lies in when the map is not shifted, and what it says.
+#[derive(Clone, Copy)]
 struct InCell {
     row: i32,
     col: i32,
@@ -122,6 +123,8 @@ struct Turned {
     low: (f64, f64),
     /// All of the probes; cells count from `low`.
     probes: Vec<InCell>,
+    /// Those of them that score a peak again.
+    some: Vec<InCell>,
     /// Rows and columns that they fill.
     size: (usize, usize),
 }
@@ -142,39 +145,27 @@ impl Turned {
         let probes: Vec<InCell> = b.iter().zip(&turned).map(in_cell).collect();
         let size = probes.iter().fold((0, 0), |s, p| (s.0.max(p.row), s.1.max(p.col)));
         let size = (size.0 as usize + 1, size.1 as usize + 1);
-        Self { theta, low: (f64::from(low.0), f64::from(low.1)), probes, size }
+        let (all, asked) = (probes.len(), probes.len().min(PEAK_SAMPLES));
+        let some = (0..asked).map(|k| probes[k * all / asked]).collect();
+        Self { theta, low: (f64::from(low.0), f64::from(low.1)), probes, some, size }
     }
 
     /// The best score of a shift and of those one fine cell from it.
     fn look_into(&self, a: &CoarseTable, (rows, cols): Shift) -> (f32, Shift) {
-        let mut scores = [0.0f32; 9];
-        let (all, asked) = (self.probes.len(), self.probes.len().min(PEAK_SAMPLES));
-        let (w, h) = (a.width as i32, a.height as i32);
-        for p in (0..asked).map(|k| &self.probes[k * all / asked]) {
-            let (row, col) = (p.row + rows, p.col + cols);
-            let mut add = |k: usize, cell: i32| {
-                let (agree, contradict) = a.at(p.octant, cell as usize);
-                scores[k] += p.weight * agree + p.conflict_weight * contradict;
-            };
-            if (1..h - 1).contains(&row) && (1..w - 1).contains(&col) {
-                let first = (row - 1) * w + col - 1;
-                (0..9).for_each(|k| add(k as usize, first + k / 3 * w + k % 3));
-                continue;
-            }
-            for k in 0..9 {
-                let (r, c) = (row + k / 3 - 1, col + k % 3 - 1);
-                if (0..h).contains(&r) && (0..w).contains(&c) {
-                    add(k as usize, r * w + c);
-                }
-            }
-        }
+        let scores = scores_around(&self.some, a, (rows, cols));
         // The first of equals, the shift itself before all others.
-        let best = [4, 0, 1, 2, 3, 5, 6, 7, 8]
-            .into_iter()
-            .reduce(|best, k| if scores[k] > scores[best] { k } else { best })
-            .expect("nine of them");
-        let shift = (rows + best as i32 / 3 - 1, cols + best as i32 % 3 - 1);
-        (scores[best] * all as f32 / asked as f32, shift)
+        let best = [4, 0, 1, 2, 3, 5, 6, 7, 8].map(|k| (k / 3, k % 3)).into_iter();
+        let better = |x: (usize, usize), y: (usize, usize)| {
+            if scores[y.0][y.1] > scores[x.0][x.1] {
+                y
+            } else {
+                x
+            }
+        };
+        let best = best.reduce(better).expect("nine of them");
+        let shift = (rows + best.0 as i32 - 1, cols + best.1 as i32 - 1);
+        let (all, asked) = (self.probes.len() as f32, self.some.len() as f32);
+        (scores[best.0][best.1] * all / asked, shift)
     }
 
     /// `T_axes_axes` of a shift.
@@ -182,6 +173,40 @@ impl Turned {
         let (x, y) = (f64::from(cols) * cell - self.low.0, f64::from(rows) * cell - self.low.1);
         Se2::new(x, y, self.theta)
     }
+}
+
+/// What probes score at a shift and at those one fine cell from it, by rows; the last column is of no use.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn scores_around(probes: &[InCell], a: &CoarseTable, (rows, cols): Shift) -> [[f32; 4]; 3] {
+    let mut scores = [[0.0f32; 4]; 3];
+    let (w, h) = (a.width as i32, a.height as i32);
+    for p in probes {
+        let (agree, contradict) = (a.agreement(p.octant), a.contradiction());
+        let score = |agree: i8, contradict: i8| {
+            p.weight * f32::from(agree) + p.conflict_weight * f32::from(contradict)
+        };
+        let (row, col) = (p.row + rows, p.col + cols);
+        if (1..h - 1).contains(&row) && (1..w - 1).contains(&col) {
+            for (k, scores) in (row - 1..).zip(&mut scores) {
+                let first = (k * w + col - 1) as usize;
+                let [agree, contradict]: [&[i8; 4]; 2] =
+                    [agree, contradict].map(|t| t[first..].first_chunk().expect("one more"));
+                for c in 0..4 {
+                    scores[c] += score(agree[c], contradict[c]);
+                }
+            }
+            continue;
+        }
+        for (r, scores) in (row - 1..).zip(&mut scores) {
+            for (c, sum) in (col - 1..=col + 1).zip(scores) {
+                if (0..h).contains(&r) && (0..w).contains(&c) {
+                    let at = (r * w + c) as usize;
+                    *sum += score(agree[at], contradict[at]);
+                }
+            }
+        }
+    }
+    scores
 }
 
 thread_local! {
@@ -195,9 +220,19 @@ struct Shifts {
     scores: Vec<i16>,
     /// Weight of b's probes by direction and wide cell, and last that of their contradiction.
     bins: Vec<f32>,
-    /// Of each direction, and of the contradiction, the bins that hold something: the cell, and the shift at which it
-    /// comes to lie on the table's first cell, both by their indices.
-    filled: [Vec<(u32, u32)>; DIRECTIONS + 1],
+    /// Of each direction, and of the contradiction, the bins that hold something.
+    filled: [Filled; DIRECTIONS + 1],
+    /// How many times a table is added, and to which shifts: those of the bin in its first cell.
+    sums: Vec<(u32, i16)>,
+}
+
+/// Bins in the order in which they were filled.
+#[derive(Default)]
+struct Filled {
+    /// The cell, and the shift at which it comes to lie on the table's first cell, both by their indices; room for as
+    /// many as there are probes.
+    bins: Vec<(u32, u32)>,
+    number: usize,
 }
 
 impl Shifts {
@@ -219,16 +254,19 @@ impl Shifts {
         let area = rows * cols;
         debug_assert!(self.bins.iter().all(|b| *b == 0.0), "each is emptied when it is added");
         self.bins.resize(self.bins.len().max(area * (DIRECTIONS + 1)), 0.0);
+        for filled in &mut self.filled {
+            filled.bins.resize(filled.bins.len().max(b.probes.len() + 1), (0, 0));
+        }
         let mut total = 0.0;
         for p in &b.probes {
             let (row, col) = ((p.row / 2) as usize, (p.col / 2) as usize);
             let at = row * cols + col;
             let to = (rows - 1 - row) * w + cols - 1 - col;
             for (table, weight) in [(p.octant, p.weight), (DIRECTIONS, p.conflict_weight)] {
-                let bin = &mut self.bins[table * area + at];
-                if *bin == 0.0 && weight > 0.0 {
-                    self.filled[table].push((at as u32, to as u32));
-                }
+                let (bin, filled) = (&mut self.bins[table * area + at], &mut self.filled[table]);
+                // Kept where the bin was empty: what is new no branch could foresee.
+                filled.bins[filled.number] = (at as u32, to as u32);
+                filled.number += usize::from((*bin == 0.0) & (weight > 0.0));
                 *bin += weight;
             }
             total += f64::from(p.weight);
@@ -243,19 +281,18 @@ impl Shifts {
             let unit = if table == DIRECTIONS { CONTRADICTION } else { 1.0 };
             // What rounding takes from one bin it gives to the next.
             let mut carry = 0.0;
-            for (at, to) in filled.drain(..) {
-                carry += std::mem::take(&mut self.bins[table * area + at as usize]) * steps;
+            let filled = &filled.bins[..std::mem::take(&mut filled.number)];
+            self.sums.resize(self.sums.len().max(filled.len() + 1), (0, 0));
+            let mut number = 0;
+            for (at, to) in filled {
+                carry += std::mem::take(&mut self.bins[table * area + *at as usize]) * steps;
                 let weight = ((carry / unit) as i32).min(1000) as f32 * unit;
                 carry -= weight;
-                if weight < 1.0 {
-                    continue;
-                }
-                wide_table::add(
-                    &a.tables[table],
-                    &mut self.scores[to as usize..],
-                    w,
-                    weight as i16,
-                );
+                self.sums[number] = (*to, weight as i16);
+                number += usize::from(weight >= 1.0);
+            }
+            for (to, weight) in &self.sums[..number] {
+                wide_table::add(&a.tables[table], &mut self.scores[*to as usize..], w, *weight);
             }
         }
         let shift = |at: usize| {

@@ -4,7 +4,6 @@
 //! foresee where a loop ends waits there longer than it takes to add a strip.
 
 use crate::likelihood_field::DIRECTIONS;
-use crate::registration::coarse_table::CoarseCell;
 
 /// Cells of the shortest strips: so many are added at once.
 pub const SHORTEST: usize = 16;
@@ -94,30 +93,24 @@ impl ScoredCells {
 }
 
 impl WideTable {
-    /// From a coarse table of so many columns and rows.
-    pub fn new(fine_width: usize, fine_height: usize, fine: &[CoarseCell]) -> Self {
+    /// From the tables of a coarse one of so many columns and rows.
+    pub fn new(fine_width: usize, fine_height: usize, fine: [&[i8]; DIRECTIONS + 1]) -> Self {
         let (width, height) = (fine_width.div_ceil(2), fine_height.div_ceil(2));
-        let best = |row: usize, col: usize| {
-            let rows = [2 * row, (2 * row + 1).min(fine_height - 1)];
-            let cols = [2 * col, (2 * col + 1).min(fine_width - 1)];
-            let mut best = fine[rows[0] * fine_width + cols[0]];
-            for (row, col) in [(0, 1), (1, 0), (1, 1)] {
-                let cell = &fine[rows[row] * fine_width + cols[col]];
-                best.iter_mut().zip(cell).for_each(|(best, v)| *best = (*best).max(*v));
-            }
-            best
-        };
-        let mut tables: [ScoredCells; DIRECTIONS + 1] = Default::default();
-        let mut cells: Vec<CoarseCell> = Vec::with_capacity(width);
+        let mut best = vec![0; fine_width];
         let mut line = vec![0i16; width + SHORTEST];
-        for row in 0..height {
-            cells.clear();
-            cells.extend((0..width).map(|col| best(row, col)));
-            for (k, table) in tables.iter_mut().enumerate() {
-                line.iter_mut().zip(&cells).for_each(|(v, cell)| *v = i16::from(cell[k]));
+        let tables = fine.map(|fine| {
+            let mut table = ScoredCells::default();
+            for (row, rows) in fine.chunks(2 * fine_width).enumerate() {
+                let (first, second) = rows.split_at(fine_width);
+                best.copy_from_slice(first);
+                best.iter_mut().zip(second).for_each(|(best, v)| *best = (*best).max(*v));
+                for (v, pair) in line.iter_mut().zip(best.chunks(2)) {
+                    *v = i16::from(pair[0].max(pair[pair.len() - 1]));
+                }
                 table.take_in(row, &line);
             }
-        }
+            table
+        });
         Self { width, height, tables }
     }
 }
@@ -142,17 +135,13 @@ mod tests {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(7);
         for (width, rare) in [(1, 2), (33, 9), (240, 3), (241, 40), (500, 2)] {
             let height = 3;
-            let mut cell = || {
-                std::array::from_fn(|_| {
-                    if rng.random_range(0..rare) == 0 {
-                        rng.random_range(-16..9)
-                    } else {
-                        0
-                    }
-                })
+            let mut cell = || match rng.random_range(0..rare) {
+                0 => rng.random_range(-16..9),
+                _ => 0,
             };
-            let fine: Vec<CoarseCell> = (0..width * height).map(|_| cell()).collect();
-            let table = WideTable::new(width, height, &fine);
+            let fine: [Vec<i8>; DIRECTIONS + 1] =
+                std::array::from_fn(|_| (0..width * height).map(|_| cell()).collect());
+            let table = WideTable::new(width, height, fine.each_ref().map(Vec::as_slice));
             assert_eq!((table.width, table.height), (width.div_ceil(2), 2));
             for (k, beyond) in (0..table.tables.len()).flat_map(|k| [(k, 0), (k, 7)]) {
                 // Beyond the last cell of the table there is what pads a strip and nothing else.
@@ -166,7 +155,7 @@ mod tests {
                     let covered = (2 * row..(2 * row + 2).min(height)).flat_map(|r| {
                         (2 * col..(2 * col + 2).min(width)).map(move |c| r * width + c)
                     });
-                    let best = covered.map(|at| fine[at][k]).max().unwrap_or(0);
+                    let best = covered.map(|at| fine[k][at]).max().unwrap_or(0);
                     assert_eq!(sum, 5 + 3 * i16::from(best), "{width} {k} {row} {col}");
                 }
             }

@@ -46,7 +46,7 @@ pub fn fit(
     // straight come in the same order wherever the map's frame lies.
     let straightness = |k: &usize| (1e6 * boundary[*k].straightness).round() as u32;
     let mut seeds: Vec<usize> = (0..boundary.len()).collect();
-    seeds.sort_by_key(|k| Reverse(straightness(k)));
+    seeds.sort_by_cached_key(|k| Reverse(straightness(k)));
     let mut lines = Vec::new();
     // The last seed whose line took each point in.
     let mut seen_from = vec![u32::MAX; boundary.len()];

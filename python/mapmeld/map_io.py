@@ -182,7 +182,7 @@ def _cell_of_level(fields: MapYaml, full_scale: int) -> NDArray[np.int8]:
 def _looked_up(levels: NDArray[np.unsignedinteger[Any]], cell_of_level: NDArray[np.int8]) -> NDArray[np.int8]:
     """The cell of each level, in the levels' shape."""
     if levels.dtype != np.uint8:
-        return cell_of_level[levels]
+        return np.take(cell_of_level, levels)
     # NumPy would make indices of eight bytes of the levels first, which takes ten times as long.
     table = cell_of_level.tobytes().ljust(256, b"\0")
     return np.frombuffer(bytearray(levels.tobytes()).translate(table), np.int8).reshape(levels.shape)

@@ -16,8 +16,10 @@ use crate::registration::glance::Glance;
 use crate::result::Known;
 use crate::se2::{wrap, Se2, Vec2};
 use crate::vicinity::Circle;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use rustc_hash::FxHashMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 /// Up to so many maps every pair is registered, unless the options say otherwise.
 pub const ALL_PAIRS_UP_TO: usize = 40;
@@ -58,13 +60,15 @@ struct Mark {
     kind: u64,
 }
 
-/// Two marks of one map: the middle between them and the direction from the first to the second.
+/// Two marks of one map: the middle between them and the direction from the first to the second, as an angle and as a
+/// unit vector.
 #[derive(Debug, Clone, Copy)]
 struct Word {
     key: u64,
     map: u32,
     middle: [f32; 2],
     direction: f32,
+    along: [f32; 2],
 }
 
 fn marks(map: &LocalMap) -> Vec<Mark> {
@@ -104,14 +108,14 @@ fn key(kinds: (u64, u64), u: i64, v: i64, turn: i64) -> u64 {
     ((kinds.0 * 4 + kinds.1) << 40) | (turn << 32) | (((u + 128) as u64) << 16) | (v + 128) as u64
 }
 
-/// Pairs of marks of a map; `each` gets where the second lies as seen from the first.
-fn each_word(marks: &[Mark], mut each: impl FnMut((u64, u64), (f64, f64, f64), (Vec2, f64))) {
+/// Pairs of marks of a map; `each` gets where the second lies as seen from the first, the middle between them and the
+/// way from the first to the second.
+fn each_word(marks: &[Mark], mut each: impl FnMut((u64, u64), (f64, f64, f64), (Vec2, Vec2))) {
     for a in marks {
         // The first mark is never of the later kind: one of two words that say the same is enough.
         for b in marks.iter().filter(|b| b.kind >= a.kind) {
             if let Some(seen) = seen_from(a, b) {
-                let d = b.at - a.at;
-                each((a.kind, b.kind), seen, (0.5 * (a.at + b.at), d.y.atan2(d.x)));
+                each((a.kind, b.kind), seen, (0.5 * (a.at + b.at), b.at - a.at));
             }
         }
     }
@@ -122,7 +126,7 @@ struct Index {
     /// In the order of their keys, then of the maps.
     words: Vec<Word>,
     /// Where each key begins and ends.
-    at: HashMap<u64, (u32, u32)>,
+    at: FxHashMap<u64, (u32, u32)>,
     most: usize,
     maps: f64,
 }
@@ -132,12 +136,14 @@ impl Index {
         let numbered: Vec<(usize, &Vec<Mark>)> = marks.iter().enumerate().collect();
         let of_maps = parallel::map(&numbered, |(map, marks)| {
             let mut words = Vec::new();
-            each_word(marks, |kinds, (u, v, turn), (middle, direction)| {
+            each_word(marks, |kinds, (u, v, turn), (middle, way)| {
+                let along = way.normalize();
                 words.push(Word {
                     key: key(kinds, u.floor() as i64, v.floor() as i64, turn.round() as i64),
                     map: *map as u32,
                     middle: [middle.x as f32, middle.y as f32],
-                    direction: direction as f32,
+                    direction: along.y.atan2(along.x) as f32,
+                    along: [along.x as f32, along.y as f32],
                 });
             });
             words
@@ -145,7 +151,7 @@ impl Index {
         let mut words = of_maps.concat();
         // A stable sort of maps in their order.
         words.sort_by_key(|w| w.key);
-        let mut at = HashMap::new();
+        let mut at = FxHashMap::default();
         let mut begin = 0;
         for k in 1..=words.len() {
             if k == words.len() || words[k].key != words[begin].key {
@@ -157,10 +163,12 @@ impl Index {
         Self { words, at, most, maps: marks.len() as f64 }
     }
 
-    /// Transforms of other maps to a map that many words agree on: `T_map_other`, those with the most votes first.
-    fn proposed(&self, map: usize, marks: &[Vec<Mark>], centers: &[Vec2]) -> Vec<(usize, Se2)> {
-        let mut votes: Vec<Vote> = Vec::new();
-        each_word(&marks[map], |kinds, (u, v, turn), (middle, direction)| {
+    /// What the words of a map say of the transforms of others to it, by the other map: to put a few hundred votes in
+    /// order again and again takes less than all at once.
+    fn votes(&self, map: usize, marks: &[Vec<Mark>], centers: &[Vec2]) -> Vec<Vec<Vote>> {
+        let mut votes: Vec<Vec<Vote>> = marks.iter().map(|_| Vec::new()).collect();
+        each_word(&marks[map], |kinds, (u, v, turn), (middle, way)| {
+            let (along, direction) = (way.normalize(), way.y.atan2(way.x));
             // Of the squares and directions around, those that are nearest.
             let (u0, v0) = ((u - 0.5).floor() as i64, (v - 0.5).floor() as i64);
             let nearest = turn.round();
@@ -177,36 +185,52 @@ impl Index {
                     let weight = (1.0 + self.maps / words.len() as f64).ln() as f32;
                     for w in words.iter().filter(|w| w.map as usize != map) {
                         let theta = direction - f64::from(w.direction);
-                        let to_middle = Vec2::new(f64::from(w.middle[0]), f64::from(w.middle[1]));
+                        let [to_middle, other] =
+                            [w.middle, w.along].map(|[x, y]| Vec2::new(f64::from(x), f64::from(y)));
                         let arm = centers[w.map as usize] - to_middle;
-                        let (s, c) = theta.sin_cos();
+                        let (s, c) = (other.perp(&along), other.dot(&along));
                         let center =
                             middle + Vec2::new(c * arm.x - s * arm.y, s * arm.x + c * arm.y);
-                        for grid in [0.0, 0.5] {
-                            let bin = bin(w.map, center, theta, grid);
-                            let (at, theta) = ([center.x as f32, center.y as f32], theta as f32);
-                            votes.push(Vote { bin, weight, at, theta });
-                        }
+                        let (at, turn) = ([center.x as f32, center.y as f32], theta as f32);
+                        let bins = [0.0, 0.5].map(|grid| bin(center, theta, grid));
+                        let of_map = &mut votes[w.map as usize];
+                        of_map.extend(bins.map(|bin| Vote { bin, weight, at, theta: turn }));
                     }
                 }
             }
         });
-        votes.sort_by_key(|vote| vote.bin);
-        let mut bins: Vec<(f32, usize, Se2)> = Vec::new();
-        let mut begin = 0;
-        for k in 1..=votes.len() {
-            if k < votes.len() && votes[k].bin == votes[begin].bin {
-                continue;
+        votes
+    }
+
+    /// Transforms of other maps to a map that many words agree on: `T_map_other`, those with the most votes first.
+    fn proposed(&self, map: usize, marks: &[Vec<Mark>], centers: &[Vec2]) -> Vec<(usize, Se2)> {
+        let mut votes = self.votes(map, marks, centers);
+        let mut bins: Vec<(f32, usize, Range<usize>)> = Vec::new();
+        for (other, votes) in votes.iter_mut().enumerate() {
+            votes.sort_by_key(|vote| vote.bin);
+            let mut begin = 0;
+            for alike in votes.chunk_by(|x, y| x.bin == y.bin) {
+                let weight = alike.iter().map(|v| f64::from(v.weight)).sum::<f64>();
+                bins.push((weight as f32, other, begin..begin + alike.len()));
+                begin += alike.len();
             }
-            let other = (votes[begin].bin >> 40) as usize;
-            let (weight, at, theta) = mean(&votes[begin..k]);
-            let turn = Se2::new(0.0, 0.0, theta);
-            bins.push((weight, other, Se2::from_parts(at - turn.rotate(centers[other]), theta)));
-            begin = k;
         }
-        bins.sort_by(|a, b| b.0.total_cmp(&a.0));
-        bins.truncate(MAX_LOOKS);
-        bins.into_iter().map(|(_, other, t)| (other, t)).collect()
+        // Those with the most votes, of equals the first.
+        let place = |x: &(f32, usize, Range<usize>)| (x.1, x.2.start);
+        let most_first = |x: &(f32, usize, Range<usize>), y: &(f32, usize, Range<usize>)| {
+            y.0.total_cmp(&x.0).then(place(x).cmp(&place(y)))
+        };
+        if bins.len() > MAX_LOOKS {
+            bins.select_nth_unstable_by(MAX_LOOKS, most_first);
+            bins.truncate(MAX_LOOKS);
+        }
+        bins.sort_unstable_by(most_first);
+        let transform = |(_, other, alike): (f32, usize, Range<usize>)| {
+            let (at, theta) = mean(&votes[other][alike]);
+            let turn = Se2::new(0.0, 0.0, theta);
+            (other, Se2::from_parts(at - turn.rotate(centers[other]), theta))
+        };
+        bins.into_iter().map(transform).collect()
     }
 }
 
@@ -218,8 +242,8 @@ struct Vote {
     theta: f32,
 }
 
-/// The sum of some votes' weights, and their means.
-fn mean(votes: &[Vote]) -> (f32, Vec2, f64) {
+/// The means of some votes.
+fn mean(votes: &[Vote]) -> (Vec2, f64) {
     let first = f64::from(votes[0].theta);
     let (mut weight, mut at, mut off) = (0.0, Vec2::zeros(), 0.0);
     for v in votes {
@@ -228,15 +252,19 @@ fn mean(votes: &[Vote]) -> (f32, Vec2, f64) {
         at += Vec2::new(f64::from(v.at[0]), f64::from(v.at[1])) * w;
         off += wrap(f64::from(v.theta) - first) * w;
     }
-    (weight as f32, at / weight, first + off / weight)
+    (at / weight, first + off / weight)
 }
 
-/// The bin of a vote in one of two grids, shifted against each other by half a bin.
-fn bin(map: u32, center: Vec2, theta: f64, grid: f64) -> u64 {
-    let turn = (theta.rem_euclid(TAU) * VOTE_TURNS / TAU + grid) as u64 % VOTE_TURNS as u64;
-    let at = |x: f64| ((x / VOTE_CELL + grid).floor() as i64).rem_euclid(1 << 14) as u64;
-    let grid = u64::from(grid > 0.0);
-    (u64::from(map) << 40) | (grid << 34) | (turn << 28) | (at(center.x) << 14) | at(center.y)
+/// The bin of a vote in one of two grids, shifted against each other by half a bin. The angle is less than a full turn
+/// either way.
+fn bin(center: Vec2, theta: f64, grid: f64) -> u64 {
+    // Far enough for no map to lie below: what is positive is cut off, not rounded.
+    const FAR: f64 = (1u64 << 32) as f64;
+    let theta = if theta < 0.0 { theta + TAU } else { theta };
+    let turn = (theta * VOTE_TURNS / TAU + grid) as i64 % VOTE_TURNS as i64;
+    let at = |x: f64| (x / VOTE_CELL + grid + FAR) as i64 & 0x3fff;
+    let grid = i64::from(grid > 0.0);
+    (grid << 34 | turn << 28 | at(center.x) << 14 | at(center.y)) as u64
 }
 
 /// Whether all pairs of so many maps are worth registering.

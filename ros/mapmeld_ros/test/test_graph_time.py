@@ -100,8 +100,8 @@ def stamp(graph: Graph) -> int:
 
 
 def test_an_estimate_that_newer_maps_overtake_gives_way(graph: Graph, tmp_path: Path) -> None:
-    """Many maps of nothing but clutter, on one core and with many poses led uphill, take seconds. The robot that is
-    blank when their estimate begins is never told so: it has a map before that ends."""
+    """Many maps of nothing but clutter, on one core and with many poses led uphill, take seconds. The robot
+    that is blank when their estimate begins is never told so: it has a map before that ends."""
     rng = np.random.default_rng(3)
     fleet = graph.fleet()
     slow = tmp_path / "slow.yaml"

@@ -115,8 +115,9 @@ const SHARP: f64 = 1.5;
 const HOLE: usize = 2;
 /// Depth to which a wall's depth is followed, cells.
 const DEEPEST: usize = 12;
-/// Most walls whose depth is asked for the median.
+/// Wall points whose depth tells the median, about so many.
 const DEPTHS: usize = 1000;
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;
 /// Largest number of boundary points that the likelihood field can index.
@@ -280,8 +281,11 @@ fn median_depth(grid: &OccupancyGrid, boundary: &[BoundaryPoint]) -> f64 {
         }
         last
     };
-    let step = boundary.len().div_ceil(DEPTHS).max(1);
-    let mut depths: Vec<usize> = boundary.iter().step_by(step).map(depth).collect();
+    // By multiples of the golden ratio, with which no number of walls in a row keeps step.
+    let share = DEPTHS as f64 / boundary.len() as f64;
+    let is_asked = |k: usize| (k as f64 * GOLDEN).fract() < share;
+    let asked = boundary.iter().enumerate().filter(|(k, _)| is_asked(*k));
+    let mut depths: Vec<usize> = asked.map(|(_, p)| depth(p)).collect();
     if depths.is_empty() {
         return 0.0;
     }

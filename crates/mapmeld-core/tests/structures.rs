@@ -237,3 +237,17 @@ fn what_is_missing_of_a_wall_does_not_make_it_sharp() {
     let stripes = broken(&|x, y| (x + y) % 4 > 0);
     assert!(stripes < 0.3 * full, "{stripes} of {full}");
 }
+
+/// Of thousands of wall points some tell how deep walls are drawn: not those of one wall alone.
+#[test]
+fn the_depth_of_walls_is_no_matter_of_how_many_come_in_a_row() {
+    for walls in 3..9 {
+        // One thin wall and thick ones, in all rows the same.
+        let (w, h) = (40 * walls, 1000);
+        let is_wall = |x: usize| (20..if x < 40 { 21 } else { 25 }).contains(&(x % 40));
+        let cells = (0..w * h).map(|k| if is_wall(k % w) { 100 } else { 0 }).collect();
+        let grid = OccupancyGrid::new("g", w, h, 0.05, Se2::IDENTITY, cells).unwrap();
+        let smear = LocalMap::new(grid, &Config::default()).smear / 0.05;
+        assert!((smear - 3.5).abs() < 0.6, "{smear} cells beyond a cell and a half, of five");
+    }
+}

@@ -184,8 +184,11 @@ def _looked_up(levels: NDArray[np.unsignedinteger[Any]], cell_of_level: NDArray[
     if levels.dtype != np.uint8:
         return np.take(cell_of_level, levels)
     # NumPy would make indices of eight bytes of the levels first, which takes ten times as long.
-    table = cell_of_level.tobytes().ljust(256, b"\0")
-    return np.frombuffer(bytearray(levels.tobytes()).translate(table), np.int8).reshape(levels.shape)
+    table = np.full(256, UNKNOWN, dtype=np.int8)
+    table[: len(cell_of_level)] = cell_of_level
+    return np.frombuffer(bytearray(levels.tobytes()).translate(table.tobytes()), np.int8).reshape(
+        levels.shape
+    )
 
 
 def _pixel_of_cell(mode: MapMode) -> NDArray[np.uint8]:

@@ -338,6 +338,18 @@ mod tests {
     }
 
     #[test]
+    fn cells_of_another_class_are_counted_wherever_they_lie() {
+        let cells: Vec<i8> = (0..50 * 61).map(|k| [0, 100, UNKNOWN][k % 3]).collect();
+        let g = OccupancyGrid::new("g", 50, 61, 0.1, Se2::IDENTITY, cells.clone()).unwrap();
+        assert_eq!(g.count_differing(&g), 0);
+        let mut others = cells;
+        // Other values of the same class, and two of other ones, the last cell among them.
+        (others[3], others[4], others[5]) = (20, 70, 50);
+        (others[1500], others[3049]) = (100, UNKNOWN);
+        assert_eq!(g.count_differing(&g.with_cells(others)), 2);
+    }
+
+    #[test]
     fn bad_grids_name_the_field() {
         let bad = |w, h, r, o: Se2, c: Vec<i8>| OccupancyGrid::new("m", w, h, r, o, c).unwrap_err();
         assert!(bad(0, 1, 0.1, Se2::IDENTITY, vec![]).to_string().contains("size"));

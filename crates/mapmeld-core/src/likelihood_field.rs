@@ -12,7 +12,7 @@ pub use probe_view::{ProbeView, Seen, Walls};
 use crate::boundary::{BoundaryPoint, CellIndex};
 use crate::grid::OccupancyGrid;
 use crate::se2::Vec2;
-use nearest::{Nearest, NearestPoints};
+use nearest::{nearest_of, Nearest, NearestPoints};
 use std::sync::Arc;
 
 /// Number of directions that are told apart.
@@ -105,7 +105,7 @@ impl LikelihoodField {
         reach: usize,
     ) -> Self {
         assert!(boundary.len() < usize::from(u16::MAX), "boundary must be thinned first");
-        let nearest = Arc::new(NearestPoints::new(grid, boundary, index, reach));
+        let nearest = Arc::new(nearest_of(grid, boundary, index, reach));
         let to_axes = grid.origin().inverse().to_rigid();
         let wall = |b: &BoundaryPoint| {
             let (p, n) = (to_axes.apply(b.position), to_axes.rotate(b.normal));

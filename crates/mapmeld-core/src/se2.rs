@@ -14,6 +14,7 @@ pub type Vec2 = Vector2<f64>;
 
 /// The angle in (-pi, pi].
 pub fn wrap(angle: f64) -> f64 {
+    // Mostly so; to round is a call of the mathematical library.
     if angle > -PI && angle <= PI {
         return angle;
     }

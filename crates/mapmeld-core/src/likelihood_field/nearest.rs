@@ -1,5 +1,5 @@
-//! The nearest wall points of every cell. Most cells have none, and neighbours mostly the same: the points are held once,
-//! and a cell holds which of them are its own, so that the tables of a map fit in a processor's cache.
+//! The nearest wall points of every cell. Most cells have none, and neighbours mostly the same ones: a cell points to an
+//! entry, which it mostly shares with the cell before or above, so that the tables of a map fit in a processor's cache.
 
 use super::{AGREE, AXES, DIRECTIONS};
 use crate::boundary::{BoundaryPoint, CellIndex};
@@ -13,42 +13,32 @@ pub(super) type Nearest = [u16; DIRECTIONS];
 /// See the module's text.
 #[derive(Debug)]
 pub(super) struct NearestPoints {
-    /// Of each cell, row by row, and last of what lies outside the grid.
-    own: Vec<u32>,
+    /// The entry of each cell, row by row, and last of what lies outside the grid.
+    entry_of: Vec<u32>,
     /// First that nothing is near.
-    known: Vec<Nearest>,
+    entries: Vec<Nearest>,
 }
 
 impl NearestPoints {
     /// Of a cell by its index, or of what lies outside by the number of cells.
     #[inline(always)]
     pub(super) fn at(&self, cell: usize) -> &Nearest {
-        &self.known[self.own[cell] as usize]
-    }
-
-    /// The points within reach that agree with each direction, the first of those equally near.
-    pub(super) fn new(
-        grid: &OccupancyGrid,
-        boundary: &[BoundaryPoint],
-        index: &CellIndex,
-        reach: usize,
-    ) -> Self {
-        nearest_of(grid, boundary, index, reach)
+        &self.entries[self.entry_of[cell] as usize]
     }
 
     /// Takes in what a few cells of a row have near them, mostly the same as the cell before or above.
     #[inline(always)]
     fn take_in(&mut self, first: usize, width: usize, ranks: &[Ranks]) {
-        let (mut last, mut before) = (0, self.known[0]);
+        let (mut last, mut before) = (0, self.entries[0]);
         // Where it is new no branch tells, which a processor could not foresee.
         let (mut new, mut found) = ([before; AT_ONCE], 0);
         for (cell, ranks) in (first..).zip(ranks) {
             let nearest = ranks.map(|r| r as u16);
-            let above = if cell < width { 0 } else { self.own[cell - width] };
-            let is_above = self.known[above as usize] == nearest;
+            let above = if cell < width { 0 } else { self.entry_of[cell - width] };
+            let is_above = self.entries[above as usize] == nearest;
             let is_last = before == nearest;
             new[found] = nearest;
-            let fresh = (self.known.len() + found) as u32;
+            let fresh = (self.entries.len() + found) as u32;
             last = if is_last {
                 last
             } else if is_above {
@@ -57,15 +47,17 @@ impl NearestPoints {
                 fresh
             };
             found += usize::from(!is_last & !is_above);
-            self.own[cell] = last;
+            self.entry_of[cell] = last;
             before = nearest;
         }
-        self.known.extend_from_slice(&new[..found]);
+        self.entries.extend_from_slice(&new[..found]);
     }
 }
 
+/// Of a grid's boundary, whose points come ordered by cell as in `index`: for every cell the points within so many cells
+/// that agree with each direction, the first of those equally near.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-fn nearest_of(
+pub(super) fn nearest_of(
     grid: &OccupancyGrid,
     boundary: &[BoundaryPoint],
     index: &CellIndex,
@@ -149,8 +141,8 @@ impl OpenRows {
             rows,
             done: 0,
             closed: NearestPoints {
-                own: vec![0; width * height + 1],
-                known: vec![[points as u16; DIRECTIONS]],
+                entry_of: vec![0; width * height + 1],
+                entries: vec![[points as u16; DIRECTIONS]],
             },
             ranks: vec![none; rows * width],
             none,

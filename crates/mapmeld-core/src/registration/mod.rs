@@ -14,7 +14,9 @@ pub mod pair;
 pub mod rotations;
 pub mod search;
 pub mod segments;
+mod shifts;
 pub mod stretch;
+mod turned;
 pub mod wide_table;
 
 use crate::config::PerceptionConfig;

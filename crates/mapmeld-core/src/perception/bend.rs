@@ -111,10 +111,14 @@ pub fn unbend(
                 let near = pullers.iter().filter(|p| p.sees(at, patch.radius));
                 held[k].find(samples[k], &here.moved(&of_map), near);
             }
-            let mut pull = Pull::new(Vec2::zeros(), scale);
-            held::pull_of(&held[k], here.sin_cos, here.shift, &mut pull);
-            let (h, g) = pull.equations();
-            let (mut h, mut g) = (discount * h, discount * g);
+            let (mut h, mut g) = (Matrix3::zeros(), Vector3::zeros());
+            // Half of the patches lie where the others show nothing.
+            if held[k].is_pulled() {
+                let mut pull = Pull::new(Vec2::zeros(), scale);
+                held::pull_of(&held[k], here.sin_cos, here.shift, &mut pull);
+                let (of_walls, back) = pull.equations();
+                (h, g) = (discount * of_walls, discount * back);
+            }
             let mut stiffness = Vector3::new(leash, leash, 0.0);
             g += stiffness.component_mul(&here.shift.push(here.turn));
             for edge in &edges[k] {

@@ -88,6 +88,11 @@ impl Held {
         Self { center, points: samples.iter().map(place).collect(), lines: Vec::new() }
     }
 
+    /// Whether any walls were found last.
+    pub fn is_pulled(&self) -> bool {
+        !self.lines.is_empty()
+    }
+
     /// Finds the walls anew, for the patch as it has moved with its map's axes.
     pub fn find<'a, 'p: 'a>(
         &mut self,

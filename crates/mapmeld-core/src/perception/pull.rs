@@ -90,17 +90,9 @@ impl Pull {
         self.add(m);
         self.latest += 1;
         if self.latest == AT_ONCE {
-            (self.before, self.latest) = (self.sums(), 0);
+            (self.before, self.latest) = (summed(self), 0);
             (self.h, self.g) = ([[0.0; LANES]; 6], [[0.0; LANES]; 3]);
         }
-    }
-
-    fn sums(&self) -> ([f64; 6], [f64; 3]) {
-        let (h, g) = &self.before;
-        (
-            std::array::from_fn(|k| h[k] + sum(self.h[k])),
-            std::array::from_fn(|k| g[k] + sum(self.g[k])),
-        )
     }
 
     /// Number of walls.
@@ -110,9 +102,18 @@ impl Pull {
 
     /// The information and the gradient.
     pub fn equations(&self) -> (Matrix3<f64>, Vector3<f64>) {
-        let ([xx, xy, xt, yy, yt, tt], gradient) = self.sums();
+        let ([xx, xy, xt, yy, yt, tt], gradient) = summed(self);
         (Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt), Vector3::from(gradient))
     }
+}
+
+/// Information and gradient of all blocks so far.
+#[multiversion::multiversion(targets("x86_64+avx2"))]
+fn summed(pull: &Pull) -> ([f64; 6], [f64; 3]) {
+    let (mut h, mut g) = pull.before;
+    h.iter_mut().zip(&pull.h).for_each(|(all, lanes)| *all += sum(*lanes));
+    g.iter_mut().zip(&pull.g).for_each(|(all, lanes)| *all += sum(*lanes));
+    (h, g)
 }
 
 /// In lanes: one sum would wait for each of its terms.

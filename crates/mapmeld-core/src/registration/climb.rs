@@ -71,6 +71,10 @@ pub fn wide(a: &LocalMap, b: &LocalMap) -> f64 {
     0.5 * a.reach().min(b.reach())
 }
 
+/// Least cosine between two steps that go the same way.
+const SAME_WAY: f64 = 0.8;
+/// A step is taken so many times as far at most: further on the walls that it was worked out from are no more those nearby.
+const LONGEST: f64 = 2.0;
 /// So many steps, in all, that go back on the one before end a climb: it goes to and fro between cells.
 const MOST_TO_AND_FRO: usize = 3;
 /// Metres that a turn of one radian moves walls by, about.
@@ -177,7 +181,7 @@ fn ascend(
 ) -> Option<Se2> {
     let mut scale = wide.max(finest);
     let mut t = start;
-    let (mut last, mut to_and_fro) = (Vector3::zeros(), 0);
+    let (mut stride, mut last, mut to_and_fro) = (1.0, Vector3::zeros(), 0);
     for _ in 0..ends.steps {
         let pivot = t.apply(center);
         let mut pull = Pull::new(pivot, scale);
@@ -186,21 +190,44 @@ fn ascend(
             return None;
         }
         let step = -step_back(&pull);
-        let turned = Se2::new(0.0, 0.0, step.z).rotate(t.translation() - pivot);
-        t = Se2::from_parts(pivot + turned + step.xy(), t.theta + step.z);
-        let moved = step.xy().norm() + LEVER * step.z.abs();
+        stride = longer(stride, &last, &step);
+        let taken = stride * step;
+        let turned = Se2::new(0.0, 0.0, taken.z).rotate(t.translation() - pivot);
+        t = Se2::from_parts(pivot + turned + taken.xy(), t.theta + taken.z);
         if scale > finest {
             scale = (0.7 * scale).max(finest);
             continue;
         }
-        let levers = Vector3::new(1.0, 1.0, LEVER * LEVER);
-        to_and_fro += usize::from(step.dot(&levers.component_mul(&last)) < 0.0);
+        let moved = step.xy().norm() + LEVER * step.z.abs();
+        to_and_fro += usize::from(dot(&step, &last) < 0.0);
         if moved < ends.shorter || to_and_fro == MOST_TO_AND_FRO {
             break;
         }
         last = step;
     }
     Some(t)
+}
+
+/// How many times as far as a step goes it is taken, where the one before was taken so many times: walls that are found
+/// anew after each step let most of them fall short, one after the other the same way. How much shorter a step is than the
+/// one before tells where they would end (the accelerated steps of Besl and McKay, "A method for registration of 3-D
+/// shapes", PAMI 1992, which are Aitken's process).
+fn longer(stride: f64, last: &Vector3<f64>, step: &Vector3<f64>) -> f64 {
+    let (both, square) = (dot(step, last), dot(last, last));
+    if both <= SAME_WAY * (square * dot(step, step)).sqrt() {
+        return 1.0;
+    }
+    let made_good = 1.0 - both / square;
+    if made_good * LONGEST > stride {
+        (stride / made_good).max(1.0)
+    } else {
+        LONGEST
+    }
+}
+
+/// Of two steps, turns as far as they move walls.
+fn dot(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    a.x * b.x + a.y * b.y + LEVER * LEVER * a.z * b.z
 }
 
 /// Samples of each map that tell the covariance of a pose, at most.
@@ -291,5 +318,20 @@ mod tests {
         assert_eq!(asked(2.0), 2 + MOST_TO_AND_FRO - 1);
         assert_eq!(asked(-0.02), 50);
         assert!(asked(0.5) < 50);
+    }
+
+    /// A quarter of the way each: fifty such steps would leave a millionth.
+    #[test]
+    fn steps_that_fall_short_one_after_the_other_are_lengthened() {
+        assert!(asked(0.25) < 35, "{}", asked(0.25));
+        // No further than where they would end.
+        assert!(asked(0.8) < 7, "{}", asked(0.8));
+        let (short, long) = (Vector3::new(0.1, 0.0, 0.0), Vector3::new(0.2, 0.0, 0.0));
+        assert_eq!(longer(1.0, &Vector3::zeros(), &long), 1.0);
+        assert_eq!(longer(1.0, &long, &short), 2.0);
+        assert_eq!(longer(1.2, &long, &long), LONGEST);
+        for other in [-short, Vector3::new(0.0, 0.1, 0.0), Vector3::new(0.05, 0.0, 0.02)] {
+            assert_eq!(longer(2.0, &long, &other), 1.0, "{other}");
+        }
     }
 }

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 
 /// How the mirror image is looked for: what its best pose reaches matters, and not where that is.
 const OF_DECOYS: correlation::Effort =
-    correlation::Effort { promising: 4, further: 0, steps: 1.0, peaks: 80 };
+    correlation::Effort { promising: 4, further: 0, steps: 1.0, peaks: 40 };
 /// Share of how a mode that has proven itself looks: what the mirror image looks less like is negligible, too.
 const LEAST_LOOK: f64 = 0.2;
 

@@ -23,6 +23,9 @@ const FIRST_SAMPLES: usize = 128;
 const CLIMB_SAMPLES: usize = 256;
 /// Samples of each map that the last climb of a mode follows, and that tell what its top reaches.
 const FINAL_SAMPLES: usize = 512;
+/// Most steps of that climb, which begins at a top. Along what holds bent maps loosely it would go on for long, away from
+/// where more of the walls lie right.
+const FINAL_STEPS: usize = 6;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.1;
 /// Steps that every candidate that was looked at longest is led uphill.
@@ -245,7 +248,9 @@ impl<'s> Search<'s> {
     fn final_tops(&self, tops: &[Weighed], rung: usize) -> Vec<Candidate> {
         let tops = tops.iter().map(|(c, fits)| (fits[rung], *c)).collect();
         let few = self.rivals(tops, rung, self.effort.modes, self.effort.stories + 1);
-        let climb = Climb { scale: 0.0, still: STILL, ..self.climb(FINAL_SAMPLES) };
+        let climb = self.climb(FINAL_SAMPLES);
+        let climb =
+            Climb { scale: 0.0, still: STILL, steps: climb.steps.min(FINAL_STEPS), ..climb };
         let at_top = self.with_tops(few, &climb, FINAL_SAMPLES, rung);
         let kept = self.rivals(at_top, rung, self.effort.modes, self.effort.stories);
         let apart = registration::apart(&self.rungs[rung]);

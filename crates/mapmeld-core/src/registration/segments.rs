@@ -11,7 +11,7 @@ use crate::structure::Line;
 /// Lines of a map that are paired, longest first.
 const MAX_LINES: usize = 40;
 /// Crossings of a map that are matched, those with the longest shorter line first.
-const MAX_CROSSINGS: usize = 70;
+const MAX_CROSSINGS: usize = 50;
 /// Farthest that a line's end may lie from the crossing, metres.
 const MAX_GAP: f64 = 6.0;
 /// Smallest sine of the angle between the lines.

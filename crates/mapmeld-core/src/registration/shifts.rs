@@ -3,7 +3,7 @@
 use crate::likelihood_field::DIRECTIONS;
 use crate::registration::coarse_table::SCORES;
 use crate::registration::turned::{Shift, Turned};
-use crate::registration::wide_table::{self, WideTable, SHORTEST};
+use crate::registration::wide_table::{self, Bin, WideTable, SHORTEST};
 use std::cell::RefCell;
 
 /// Peaks that are kept at each rotation.
@@ -44,8 +44,10 @@ struct Shifts {
     bins: Vec<f32>,
     /// Of each direction, and of the contradiction, the bins that hold something.
     filled: [Filled; DIRECTIONS + 1],
-    /// How many times a table is added, and to which shifts: those of the bin in its first cell.
-    sums: Vec<(u32, i16)>,
+    /// The bins of one table.
+    sums: Vec<Bin>,
+    /// Where its strips lie among the scores.
+    places: Vec<u32>,
 }
 
 /// Bins in the order in which they were filled.
@@ -114,9 +116,8 @@ impl Shifts {
                 self.sums[number] = (*to, weight as i16);
                 number += usize::from(weight >= 1.0);
             }
-            for (to, weight) in &self.sums[..number] {
-                wide_table::add(&a.tables[table], &mut self.scores[*to as usize..], w, *weight);
-            }
+            let (scores, places) = (&mut self.scores, &mut self.places);
+            wide_table::add(&a.tables[table], scores, w, &self.sums[..number], places);
         }
         let shift = |at: usize| {
             let cells = |k: usize, offset: usize| 2 * (k as i32 - offset as i32);

@@ -22,6 +22,9 @@ pub struct WideTable {
     pub tables: [ScoredCells; DIRECTIONS + 1],
 }
 
+/// A bin: the shift at which it meets a table's first cell, by its index, and how many times the table counts.
+pub type Bin = (u32, i16);
+
 /// The cells of a table that score.
 #[derive(Debug, Clone, Default)]
 pub struct ScoredCells {
@@ -58,13 +61,18 @@ impl<const N: usize> Strips<N> {
         Some(rest)
     }
 
+    /// See [`add`]; strip by strip of one bin: those of the next bin meet the same cells, which would have to wait.
     #[inline(always)]
-    fn add(&self, to: &mut [i16], width: usize, weight: i16) {
-        for ((row, col), scores) in self.first.iter().zip(&self.scores) {
-            let at = *row as usize * width + *col as usize;
-            let to: &mut [i16; N] = to[at..].first_chunk_mut().expect("strips are padded");
-            for (sum, score) in to.iter_mut().zip(scores) {
-                *sum = sum.saturating_add(weight * score);
+    fn add(&self, to: &mut [i16], width: usize, bins: &[Bin], places: &mut Vec<u32>) {
+        places.clear();
+        places.extend(self.first.iter().map(|(row, col)| row * width as u32 + col));
+        for (bin, times) in bins {
+            let to = &mut to[*bin as usize..];
+            for (at, scores) in places.iter().zip(&self.scores) {
+                let to = to[*at as usize..].first_chunk_mut::<N>().expect("strips are padded");
+                for (sum, score) in to.iter_mut().zip(scores) {
+                    *sum = sum.saturating_add(times * score);
+                }
             }
         }
     }
@@ -115,13 +123,13 @@ impl WideTable {
     }
 }
 
-/// Adds the scores of a table, each so many times, to those of the shifts at which a bin meets its cells. `to` is rows of
-/// so many columns from where the bin meets the table's first cell, and goes on for [`SHORTEST`] cells.
+/// Adds the scores of a table to those of the shifts at which bins meet its cells. `to` is rows of so many columns, and goes
+/// on for [`SHORTEST`] cells; `places` is memory.
 #[multiversion::multiversion(targets("x86_64+avx2"))]
-pub fn add(table: &ScoredCells, to: &mut [i16], width: usize, weight: i16) {
-    table.long.add(to, width, weight);
-    table.middle.add(to, width, weight);
-    table.short.add(to, width, weight);
+pub fn add(table: &ScoredCells, to: &mut [i16], width: usize, bins: &[Bin], places: &mut Vec<u32>) {
+    table.long.add(to, width, bins, places);
+    table.middle.add(to, width, bins, places);
+    table.short.add(to, width, bins, places);
 }
 
 #[cfg(test)]
@@ -148,7 +156,7 @@ mod tests {
                 let stride = table.width + beyond;
                 let size = stride * (table.height - 1) + table.width + SHORTEST - 1;
                 let mut sums = vec![5i16; beyond + size];
-                add(&table.tables[k], &mut sums[beyond..], stride, 3);
+                add(&table.tables[k], &mut sums, stride, &[(beyond as u32, 3)], &mut Vec::new());
                 assert!(sums[..beyond].iter().all(|sum| *sum == 5));
                 for (at, sum) in sums[beyond..].iter().copied().enumerate() {
                     let (row, col) = (at / stride, at % stride);

@@ -30,6 +30,8 @@ const FINAL_STEPS: usize = 6;
 const NEAR: f64 = 0.1;
 /// Steps that every candidate that was looked at longest is led uphill.
 const FIRST_STEPS: usize = 4;
+/// What begins as near as this (metres, radians) to where another has begun or come to is led the same way, most often.
+const SAME_SLOPE: (f64, f64) = (0.3, 0.05);
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
 /// does it make the best any less sure.
 const RIVAL: f64 = 0.5;
@@ -112,6 +114,9 @@ type Weighed = (Candidate, Vec<f64>);
 
 /// Poses that have taken the first steps uphill.
 struct Begun {
+    /// Where they began.
+    from: Vec<Se2>,
+    /// Where they are now.
     poses: Vec<Weighed>,
     /// How a candidate must look to follow them.
     bar: f64,
@@ -156,7 +161,7 @@ impl<'s> Search<'s> {
         };
         let looked_at = look(Vec::new(), &rotations.promising(), effort);
         let (few, rest) = looked_at.split_at(looked_at.len().min(FIRST_FOLLOWED));
-        let mut begun = Begun { poses: Vec::new(), bar: f64::NEG_INFINITY };
+        let mut begun = Begun { from: Vec::new(), poses: Vec::new(), bar: f64::NEG_INFINITY };
         self.begin(few, &mut begun);
         let plenty = self.plenty();
         let has_plenty = begun.poses.iter().any(|(_, fits)| fits.iter().any(|l| *l > plenty));
@@ -222,8 +227,15 @@ impl<'s> Search<'s> {
             {
                 break;
             }
+            let is_here =
+                |t: &Se2| t.is_close_at(&c.t_a_b, self.center, SAME_SLOPE.0, SAME_SLOPE.1);
+            let is_led = |(from, to): (&Se2, &Weighed)| is_here(from) || is_here(&to.0.t_a_b);
+            if begun.from.iter().zip(&begun.poses).any(is_led) {
+                continue;
+            }
             let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };
             let pose = self.weigh(Candidate { t_a_b, ..*c }, 2 * FIRST_SAMPLES);
+            begun.from.push(c.t_a_b);
             if is_proven(&pose) && *look > 0.0 {
                 begun.bar = begun.bar.max(RIVAL * look);
             }

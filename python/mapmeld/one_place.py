@@ -20,8 +20,9 @@ Pose = NDArray[np.float64]
 
 def apart(a: Pose, b: Pose, at: Sequence[float]) -> tuple[float, float]:
     """Metres at a point of the map, and radians, between two poses of it."""
-    p, q = se2.apply(a, np.asarray(at)), se2.apply(b, np.asarray(at))
-    return math.hypot(*(p - q)), abs(se2.wrap(a[2] - b[2]))
+    (xa, ya, ta), (xb, yb, tb), (x, y) = map(float, a), map(float, b), map(float, at)
+    c, s = math.cos(ta) - math.cos(tb), math.sin(ta) - math.sin(tb)
+    return math.hypot(xa - xb + c * x - s * y, ya - yb + s * x + c * y), abs(se2.wrap(ta - tb))
 
 
 def is_one_place(a: Pose, b: Pose, centre: Sequence[float]) -> bool:

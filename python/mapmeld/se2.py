@@ -26,12 +26,18 @@ def compose(
     T_a_b: Sequence[float] | NDArray[np.float64], T_b_c: Sequence[float] | NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """T_a_c = T_a_b * T_b_c."""
-    return vector(matrix(T_a_b) @ matrix(T_b_c))
+    # As numbers: NumPy takes ten times as long for so few.
+    x, y, theta = (float(v) for v in T_a_b)
+    u, v, turn = (float(v) for v in T_b_c)
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([x + c * u - s * v, y + s * u + c * v, wrap(theta + turn)])
 
 
 def inverse(T_a_b: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
     """T_b_a."""
-    return vector(np.linalg.inv(matrix(T_a_b)))
+    x, y, theta = (float(v) for v in T_a_b)
+    c, s = math.cos(theta), math.sin(theta)
+    return np.array([-c * x - s * y, s * x - c * y, wrap(-theta)])
 
 
 def apply(T_a_b: Sequence[float] | NDArray[np.float64], points_b: NDArray[np.float64]) -> NDArray[np.float64]:

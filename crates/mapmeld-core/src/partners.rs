@@ -81,7 +81,7 @@ fn near_by_priors(maps: &[LocalMap], known: &Known) -> Vec<(usize, usize)> {
 pub fn ranked(maps: &[LocalMap], config: &Config) -> Vec<Vec<(usize, f64)>> {
     let marks = parallel::map(maps, marks);
     let centers: Vec<Vec2> = maps.iter().map(|m| m.center.unwrap_or_default()).collect();
-    let index = Index::new(&marks, &centers);
+    let index = Index::new(&marks);
     let all: Vec<usize> = (0..maps.len()).collect();
     let rungs = config.perception.rungs();
     let rigid = rungs[rungs.len() / 2].rigid();

@@ -35,13 +35,13 @@ pub(super) struct Mark {
     kind: u64,
 }
 
-/// Two marks of one map: the way from the middle between them to the map's centre, metres, and the direction from the first
-/// to the second, as an angle and as a unit vector.
+/// Two marks of one map: the middle between them and the direction from the first to the second, as an angle and as a
+/// unit vector.
 #[derive(Debug, Clone, Copy)]
 struct Word {
     key: u64,
     map: u32,
-    arm: [f32; 2],
+    middle: [f32; 2],
     direction: f32,
     along: [f32; 2],
 }
@@ -108,17 +108,17 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// Of all maps' marks and centres.
-    pub(super) fn new(marks: &[Vec<Mark>], centers: &[Vec2]) -> Self {
+    /// Of all maps' marks.
+    pub(super) fn new(marks: &[Vec<Mark>]) -> Self {
         let numbered: Vec<(usize, &Vec<Mark>)> = marks.iter().enumerate().collect();
         let of_maps = parallel::map(&numbered, |(map, marks)| {
             let mut words = Vec::new();
             each_word(marks, |kinds, (u, v, turn), (middle, way)| {
-                let (along, arm) = (way.normalize(), centers[*map] - middle);
+                let along = way.normalize();
                 words.push(Word {
                     key: key(kinds, u.floor() as i64, v.floor() as i64, turn.round() as i64),
                     map: *map as u32,
-                    arm: [arm.x as f32, arm.y as f32],
+                    middle: [middle.x as f32, middle.y as f32],
                     direction: along.y.atan2(along.x) as f32,
                     along: [along.x as f32, along.y as f32],
                 });
@@ -146,8 +146,6 @@ impl Index {
         let mut votes: Vec<Vec<Vote>> = marks.iter().map(|_| Vec::new()).collect();
         each_word(&marks[map], |kinds, (u, v, turn), (middle, way)| {
             let (along, direction) = (way.normalize(), way.y.atan2(way.x));
-            // From the map's own centre: single precision would not do for georeferenced ones.
-            let middle = middle - centers[map];
             // Of the squares and directions around, those that are nearest.
             let (u0, v0) = ((u - 0.5).floor() as i64, (v - 0.5).floor() as i64);
             let nearest = turn.round();
@@ -164,8 +162,9 @@ impl Index {
                     let weight = (1.0 + self.maps / words.len() as f64).ln() as f32;
                     for w in words.iter().filter(|w| w.map as usize != map) {
                         let theta = direction - f64::from(w.direction);
-                        let [arm, other] =
-                            [w.arm, w.along].map(|[x, y]| Vec2::new(f64::from(x), f64::from(y)));
+                        let [to_middle, other] =
+                            [w.middle, w.along].map(|[x, y]| Vec2::new(f64::from(x), f64::from(y)));
+                        let arm = centers[w.map as usize] - to_middle;
                         let (s, c) = (other.perp(&along), other.dot(&along));
                         let center =
                             middle + Vec2::new(c * arm.x - s * arm.y, s * arm.x + c * arm.y);
@@ -211,13 +210,13 @@ impl Index {
         let transform = |(_, other, alike): (f32, usize, Range<usize>)| {
             let (at, theta) = mean(&votes[other][alike]);
             let turn = Se2::new(0.0, 0.0, theta);
-            (other, Se2::from_parts(centers[map] + at - turn.rotate(centers[other]), theta))
+            (other, Se2::from_parts(at - turn.rotate(centers[other]), theta))
         };
         bins.into_iter().map(transform).collect()
     }
 }
 
-/// A vote for one transform: where the other map's centre lies as seen from the map's own, and how it is turned.
+/// A vote for one transform: where the other map's centre lies, and how it is turned.
 struct Vote {
     bin: u64,
     weight: f32,

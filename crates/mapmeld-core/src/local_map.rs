@@ -281,7 +281,7 @@ fn median_depth(grid: &OccupancyGrid, boundary: &[BoundaryPoint]) -> f64 {
         }
         last
     };
-    // By multiples of the golden ratio, with which no number of walls in a row keeps step.
+    // By multiples of the golden ratio, which keep step with no number of walls in a row for long.
     let share = DEPTHS as f64 / boundary.len() as f64;
     let is_asked = |k: usize| (k as f64 * GOLDEN).fract() < share;
     let asked = boundary.iter().enumerate().filter(|(k, _)| is_asked(*k));

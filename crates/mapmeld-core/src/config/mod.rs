@@ -61,7 +61,7 @@ stage! {
         duplicate_angle: f64 = 0.0175,
         /// How far a wall may lie from its match while a mode is refined, metres.
         reach: f64 = 0.4,
-        /// Most refinement steps of a mode.
+        /// Most refinement steps of a mode; the last climb, which begins where others ended, takes six at most.
         max_iterations: usize = 20,
     }
 }

@@ -210,8 +210,8 @@ fn ascend(
 
 /// How many times as far as a step goes it is taken, where the one before was taken so many times: walls that are found
 /// anew after each step let most of them fall short, one after the other the same way. How much shorter a step is than the
-/// one before tells where they would end (the accelerated steps of Besl and McKay, "A method for registration of 3-D
-/// shapes", PAMI 1992, which are Aitken's process).
+/// one before tells where they would end (Aitken's process; Besl and McKay, "A method for registration of 3-D shapes", PAMI
+/// 1992, lengthen steps that agree likewise).
 fn longer(stride: f64, last: &Vector3<f64>, step: &Vector3<f64>) -> f64 {
     let (both, square) = (dot(step, last), dot(last, last));
     if both <= SAME_WAY * (square * dot(step, step)).sqrt() {

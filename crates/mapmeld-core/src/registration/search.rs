@@ -23,15 +23,17 @@ const FIRST_SAMPLES: usize = 128;
 const CLIMB_SAMPLES: usize = 256;
 /// Samples of each map that the last climb of a mode follows, and that tell what its top reaches.
 const FINAL_SAMPLES: usize = 512;
-/// Most steps of that climb, which begins at a top. Along what holds bent maps loosely it would go on for long, away from
-/// where more of the walls lie right.
+/// Most steps of that climb, which begins at a top, of other samples or under another kernel. Along what holds bent maps
+/// loosely it would go on for long, away from where more of the walls lie right.
 const FINAL_STEPS: usize = 6;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.1;
 /// Steps that every candidate that was looked at longest is led uphill.
 const FIRST_STEPS: usize = 4;
-/// What begins as near as this (metres, radians) to where another has begun or come to is led the same way, most often.
+/// What begins as near as this (metres, radians) to where another has begun or come to is led the same way, nine times of ten.
 const SAME_SLOPE: (f64, f64) = (0.3, 0.05);
+/// The same as a share of how far walls may lie from each other when a climb begins: fine cells reach less.
+const SLOPE_REACH: f64 = 1.5;
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
 /// does it make the best any less sure.
 const RIVAL: f64 = 0.5;
@@ -44,7 +46,7 @@ pub(super) const PROVEN: f64 = 60.0;
 /// Share of all that the walls of a map can say, from which on corners and pairs of walls are not asked: they hardly ever
 /// find a better pose then.
 const PLENTY: f64 = 0.4;
-/// Candidates that are led uphill however far their looks lie behind, before any others.
+/// Candidates that are led uphill however far their looks lie behind, before any others; what begins near another is none.
 const FIRST_FOLLOWED: usize = 8;
 
 /// What is spent on a search.
@@ -217,18 +219,18 @@ impl<'s> Search<'s> {
     }
 
     /// The first steps uphill of some candidates, the best first. What looks worse than matters takes none, nor what looks
-    /// far worse than a pose that has proven itself before.
+    /// far worse than a pose that has proven itself before, nor what begins near another.
     fn begin(&self, some: &[Scored], begun: &mut Begun) {
         let climb = Climb { steps: FIRST_STEPS, ..self.climb(FIRST_SAMPLES) };
         let rung = &self.rungs[self.rungs.len() / 2];
+        let (distance, angle) = (SAME_SLOPE.0.min(SLOPE_REACH * climb.scale), SAME_SLOPE.1);
         for (look, c) in some {
             if (begun.poses.len() >= FIRST_FOLLOWED && *look < begun.bar)
                 || *look < self.effort.least_look
             {
                 break;
             }
-            let is_here =
-                |t: &Se2| t.is_close_at(&c.t_a_b, self.center, SAME_SLOPE.0, SAME_SLOPE.1);
+            let is_here = |t: &Se2| t.is_close_at(&c.t_a_b, self.center, distance, angle);
             let is_led = |(from, to): (&Se2, &Weighed)| is_here(from) || is_here(&to.0.t_a_b);
             if begun.from.iter().zip(&begun.poses).any(is_led) {
                 continue;

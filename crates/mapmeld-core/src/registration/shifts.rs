@@ -63,7 +63,8 @@ impl Shifts {
     /// Memory that few pairs need is not kept.
     fn give_back(&mut self) {
         let filled: usize = self.filled.iter().map(|f| f.bins.capacity()).sum();
-        let others = self.bins.capacity() + self.scores.capacity() + self.sums.capacity();
+        let (sums, places) = (self.sums.capacity(), self.places.capacity());
+        let others = self.bins.capacity() + self.scores.capacity() + sums + places;
         if filled + others > MOST_KEPT {
             *self = Self::default();
         }

@@ -24,11 +24,9 @@ fn rooms(config: &Config) -> LocalMap {
     LocalMap::new(OccupancyGrid::new("g", w, h, 0.1, Se2::IDENTITY, cells).unwrap(), config)
 }
 
-/// What a search of a map in itself finds, with so much spent on correlation.
-fn found_in_itself(correlation: correlation::Effort) -> Found {
-    let config = Config::default();
-    let map = rooms(&config);
-    let effort = Effort {
+/// With so much spent on correlation.
+fn effort(correlation: correlation::Effort, config: &Config) -> Effort {
+    Effort {
         shortlist: config.registration.shortlist,
         modes: 6,
         stories: 2,
@@ -36,8 +34,32 @@ fn found_in_itself(correlation: correlation::Effort) -> Found {
         has_structures: true,
         least: vec![f64::NEG_INFINITY; 2],
         least_look: f64::NEG_INFINITY,
+    }
+}
+
+/// What a search of a map in itself finds.
+fn found_in_itself(correlation: correlation::Effort) -> Found {
+    let config = Config::default();
+    let map = rooms(&config);
+    tops(&map, &map, &[], &effort(correlation, &config), &config)
+}
+
+#[test]
+fn what_begins_near_another_is_not_led_uphill_again() {
+    let config = Config::default();
+    let (map, effort) = (rooms(&config), effort(correlation::THOROUGH, &config));
+    let search = Search::new(&map, &map, &effort, &config).unwrap();
+    let shifted = |x: f64, theta: f64| {
+        let t_a_b = Se2::from_parts(Vec2::zeros(), theta);
+        let to = map.center.unwrap() - t_a_b.apply(map.center.unwrap()) + Vec2::new(x, 0.0);
+        (1.0, Candidate { t_a_b: Se2::from_parts(to, theta), source: Source::Corners })
     };
-    tops(&map, &map, &[], &effort, &config)
+    let some = [(0.0, 0.0), (0.25, 0.0), (0.0, 0.04), (1.2, 0.0), (0.0, 0.3)];
+    let some = some.map(|(x, theta)| shifted(x, theta));
+    let mut begun = Begun { from: Vec::new(), poses: Vec::new(), bar: f64::NEG_INFINITY };
+    search.begin(&some, &mut begun);
+    assert_eq!(begun.from, [some[0].1.t_a_b, some[3].1.t_a_b, some[4].1.t_a_b]);
+    assert_eq!(begun.poses.len(), begun.from.len());
 }
 
 #[test]

@@ -117,6 +117,7 @@ const HOLE: usize = 2;
 const DEEPEST: usize = 12;
 /// Wall points whose depth tells the median, about so many.
 const DEPTHS: usize = 1000;
+/// Part of the golden ratio below one.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// How close to its end a wall tells one place from the next, metres.
 const NEAR_END: f64 = 0.3;

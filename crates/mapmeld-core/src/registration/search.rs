@@ -1,5 +1,7 @@
 //! The search for the poses of a pair: thousands of candidates, narrowed down to the tops that they lead to.
 
+mod begun;
+
 use crate::config::{Config, PerceptionConfig, RegistrationConfig};
 use crate::local_map::LocalMap;
 use crate::perception::rigid;
@@ -12,6 +14,7 @@ use crate::registration::{
     segments, Candidate, Source,
 };
 use crate::se2::{Se2, Vec2};
+use begun::Begun;
 
 /// Samples of each map that the very first look at a candidate takes.
 const GLIMPSE_SAMPLES: usize = 16;
@@ -28,12 +31,6 @@ const FINAL_SAMPLES: usize = 512;
 const FINAL_STEPS: usize = 6;
 /// Steps shorter than this, in cells, end all climbs but the last.
 const NEAR: f64 = 0.1;
-/// Steps that every candidate that was looked at longest is led uphill.
-const FIRST_STEPS: usize = 4;
-/// What begins as near as this (metres, radians) to where another has begun or come to is led the same way, nine times of ten.
-const SAME_SLOPE: (f64, f64) = (0.3, 0.05);
-/// The same as a share of how far walls may lie from each other when a climb begins: fine cells reach less.
-const SLOPE_REACH: f64 = 1.5;
 /// Share of what the best reaches that a pose needs to be followed further: what reaches less will not catch up, nor
 /// does it make the best any less sure.
 const RIVAL: f64 = 0.5;
@@ -114,16 +111,6 @@ type Scored = (f64, Candidate);
 /// A pose and its log-likelihood ratio at each standard deviation of the walls, nats.
 type Weighed = (Candidate, Vec<f64>);
 
-/// Poses that have taken the first steps uphill.
-struct Begun {
-    /// Where they began.
-    from: Vec<Se2>,
-    /// Where they are now.
-    poses: Vec<Weighed>,
-    /// How a candidate must look to follow them.
-    bar: f64,
-}
-
 struct Search<'s> {
     a: &'s LocalMap,
     b: &'s LocalMap,
@@ -163,7 +150,7 @@ impl<'s> Search<'s> {
         };
         let looked_at = look(Vec::new(), &rotations.promising(), effort);
         let (few, rest) = looked_at.split_at(looked_at.len().min(FIRST_FOLLOWED));
-        let mut begun = Begun { from: Vec::new(), poses: Vec::new(), bar: f64::NEG_INFINITY };
+        let mut begun = Begun::default();
         self.begin(few, &mut begun);
         let plenty = self.plenty();
         let has_plenty = begun.poses.iter().any(|(_, fits)| fits.iter().any(|l| *l > plenty));
@@ -216,33 +203,6 @@ impl<'s> Search<'s> {
     fn plenty(&self) -> f64 {
         let weight = |m: &LocalMap| m.probes.iter().map(|p| f64::from(p.weight)).sum::<f64>();
         PROVEN.max(PLENTY * self.rungs[0].hit * weight(self.a).min(weight(self.b)))
-    }
-
-    /// The first steps uphill of some candidates, the best first. What looks worse than matters takes none, nor what looks
-    /// far worse than a pose that has proven itself before, nor what begins near another.
-    fn begin(&self, some: &[Scored], begun: &mut Begun) {
-        let climb = Climb { steps: FIRST_STEPS, ..self.climb(FIRST_SAMPLES) };
-        let rung = &self.rungs[self.rungs.len() / 2];
-        let (distance, angle) = (SAME_SLOPE.0.min(SLOPE_REACH * climb.scale), SAME_SLOPE.1);
-        for (look, c) in some {
-            if (begun.poses.len() >= FIRST_FOLLOWED && *look < begun.bar)
-                || *look < self.effort.least_look
-            {
-                break;
-            }
-            let is_here = |t: &Se2| t.is_close_at(&c.t_a_b, self.center, distance, angle);
-            let is_led = |(from, to): (&Se2, &Weighed)| is_here(from) || is_here(&to.0.t_a_b);
-            if begun.from.iter().zip(&begun.poses).any(is_led) {
-                continue;
-            }
-            let Some(t_a_b) = climb.top(self.a, self.b, &c.t_a_b, rung) else { continue };
-            let pose = self.weigh(Candidate { t_a_b, ..*c }, 2 * FIRST_SAMPLES);
-            begun.from.push(c.t_a_b);
-            if is_proven(&pose) && *look > 0.0 {
-                begun.bar = begun.bar.max(RIVAL * look);
-            }
-            begun.poses.push(pose);
-        }
     }
 
     /// The tops of the best at one standard deviation of the walls.

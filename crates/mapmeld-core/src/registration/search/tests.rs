@@ -56,7 +56,7 @@ fn what_begins_near_another_is_not_led_uphill_again() {
     };
     let some = [(0.0, 0.0), (0.25, 0.0), (0.0, 0.04), (1.2, 0.0), (0.0, 0.3)];
     let some = some.map(|(x, theta)| shifted(x, theta));
-    let mut begun = Begun { from: Vec::new(), poses: Vec::new(), bar: f64::NEG_INFINITY };
+    let mut begun = Begun::default();
     search.begin(&some, &mut begun);
     assert_eq!(begun.from, [some[0].1.t_a_b, some[3].1.t_a_b, some[4].1.t_a_b]);
     assert_eq!(begun.poses.len(), begun.from.len());

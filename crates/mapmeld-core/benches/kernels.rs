@@ -248,7 +248,9 @@ fn travel(c: &mut Criterion) {
     let rough: Vec<Se2> =
         all.iter().map(|k| pose(*k).compose(&Se2::new(0.03, -0.02, 0.004))).collect();
     c.bench_function("refine 5 maps", |b| {
-        b.iter(|| refine::refine(&maps, &all, black_box(&rough), &[0], &Known::default(), &config))
+        b.iter(|| {
+            refine::refine(&maps, &all, black_box(&rough), &[0], &pairs, &Known::default(), &config)
+        })
     });
     let placed: Vec<(&OccupancyGrid, Se2)> =
         all.iter().map(|k| (&maps[*k].grid, pose(*k))).collect();

@@ -78,7 +78,7 @@ impl Cluster {
             let (members, poses): (Vec<usize>, Vec<Se2>) = worlds[0].poses.iter().copied().unzip();
             let alone = members.len() == 1;
             let fixed = prior::held(&members, &known.priors);
-            let refined = refine::refine(maps, &members, &poses, &fixed, known, config);
+            let refined = refine::refine(maps, &members, &poses, &fixed, pairs, known, config);
             Cluster {
                 reference: members[0],
                 members,

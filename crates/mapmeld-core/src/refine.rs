@@ -6,16 +6,19 @@
 //! Gauss-Newton for all poses at once. Poses that are held stay where they are.
 
 mod edge;
+mod escape;
 mod overlap;
 
 use crate::config::Config;
 use crate::local_map::LocalMap;
+use crate::pair_table::PairTable;
 use crate::parallel;
 use crate::registration::climb::LEVER;
 use crate::result::Known;
 use crate::se2::{self, Se2, Vec2};
 use crate::sparse::{Blocks, Factor};
 use edge::Edge;
+use escape::Arrangement;
 use nalgebra::{DVector, Matrix3, Matrix6, Vector3};
 use overlap::overlapping;
 
@@ -27,6 +30,9 @@ const MOST_DENSE: usize = 64;
 
 /// Times that it is asked which maps' walls agree, at most.
 const ROUNDS: usize = 3;
+
+/// Times that members are moved to where pairs contradict the optimum, at most.
+const MOVES: usize = 5;
 
 /// Poses after refinement.
 #[derive(Debug, Clone)]
@@ -40,16 +46,29 @@ pub struct Refined {
 }
 
 /// Refines the poses of `members` (indices into `maps`); those at the positions `held` stay. Walls of forbidden
-/// pairs do not pull at each other.
+/// pairs do not pull at each other. Of neighbouring optima it is the one in which all walls together say most that
+/// moves of single members lead to, by the modes of `pairs`.
 pub fn refine(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
     held: &[usize],
+    pairs: &PairTable,
     known: &Known,
     config: &Config,
 ) -> Refined {
-    let (poses, edges) = self::poses(maps, members, poses, held, known, config);
+    let (poses, mut edges) = self::poses(maps, members, poses, held, known, config);
+    let mut here = Arrangement::new(maps, members, poses, known, config);
+    for _ in 0..MOVES {
+        let Some(moved) = here.moved(held, pairs, known) else { break };
+        let (poses, of_moved) = self::poses(maps, members, &moved, held, known, config);
+        let there = Arrangement::new(maps, members, poses, known, config);
+        if there.evidence() <= here.evidence() {
+            break;
+        }
+        (here, edges) = (there, of_moved);
+    }
+    let poses = here.poses;
     let (resolution, narrow) = (resolution(maps, members), narrow(maps, members, config));
     let (h, _) = normal_equations(maps, members, &poses, &edges, held, narrow);
     let Tension { pulls, squares, weight } = tension(maps, members, &poses, &edges, narrow);

@@ -6,10 +6,13 @@ use common::{any_frame, apart, office, rng, Plan};
 use mapmeld_core::config::Config;
 use mapmeld_core::grid::OccupancyGrid;
 use mapmeld_core::local_map::LocalMap;
+use mapmeld_core::pair_table::PairTable;
 use mapmeld_core::prior::Prior;
-use mapmeld_core::refine::{refine, Refined};
+use mapmeld_core::refine::{self, Refined};
+use mapmeld_core::registration::pair;
 use mapmeld_core::result::Known;
 use mapmeld_core::se2::{Se2, Vec2};
+use mapmeld_core::verdict;
 use nalgebra::{Matrix3, Vector3};
 use rand::Rng;
 use rand_pcg::Pcg64Mcg;
@@ -56,6 +59,26 @@ fn perturbed(
         })
         .collect();
     (truth, off)
+}
+
+/// Refined without modes of pairs: as their own walls lead them.
+fn refine(
+    maps: &[LocalMap],
+    members: &[usize],
+    poses: &[Se2],
+    held: &[usize],
+    known: &Known,
+    config: &Config,
+) -> Refined {
+    refine::refine(
+        maps,
+        members,
+        poses,
+        held,
+        &PairTable::new(maps.len(), Vec::new()),
+        known,
+        config,
+    )
 }
 
 fn is_covariance(c: &Matrix3<f64>) -> bool {
@@ -137,6 +160,45 @@ fn what_was_refined_stays() {
         let twice = again(&once.poses);
         let (metres, degrees) = worst(&maps, &twice.poses, &once.poses);
         assert!(metres < 0.05 * CELL && degrees < 0.02, "seed {seed}: {metres} m, {degrees}");
+    }
+}
+
+/// A hall with rows of shelves: walls find their neighbours' places as well. Only pairs, which look for the place where
+/// all fits, know better.
+fn shelves(name: &str, below: f64, above: f64) -> LocalMap {
+    let mut plan = Plan { half: 0.05, ..Plan::default() }.floor([0.0, 0.0, 14.0, 8.0]);
+    plan = plan.wall(&[(0.0, 0.0), (14.0, 0.0), (14.0, 8.0), (0.0, 8.0), (0.0, 0.0)]);
+    for k in 0..30 {
+        let x = 1.0 + 0.4 * k as f64;
+        plan = plan.wall(&[(x, 1.5), (x, 4.0 + 0.3 * (k % 5) as f64)]);
+    }
+    let grid = plan.draw(name, &Se2::IDENTITY, CELL, |p| p.y > below && p.y < above);
+    LocalMap::new(grid, &Config::default())
+}
+
+#[test]
+fn a_map_leaves_an_optimum_that_its_pairs_contradict() {
+    let config = Config::default();
+    let maps = [shelves("a", -1.0, 6.0), shelves("b", 1.0, 9.0), shelves("c", -1.0, 9.0)];
+    let judged = |(a, b): (usize, usize)| {
+        let mirrored = maps[b].mirrored();
+        let found = pair::register(&maps[a], &maps[b], Some(&mirrored), &[], (a, b), &config);
+        verdict::of_pair(found, 0, [&maps[a], &maps[b]], &config)
+    };
+    let pairs = PairTable::new(3, [(0, 1), (0, 2), (1, 2)].map(judged).to_vec());
+    for (k, off) in [(1, 0.37), (2, -0.37), (1, -0.37)] {
+        let mut start = [Se2::IDENTITY; 3];
+        start[k].x = off;
+        let stuck = refine(&maps, &[0, 1, 2], &start, &[0], &Known::default(), &config);
+        assert!(stuck.poses[k].x.abs() > 0.3, "nothing to leave: {:?}", stuck.poses);
+        let refined = |known: &Known| {
+            refine::refine(&maps, &[0, 1, 2], &start, &[0], &pairs, known, &config).poses
+        };
+        let free = refined(&Known::default());
+        assert!(worst(&maps, &free, &[Se2::IDENTITY; 3]).0 < 0.3 * CELL, "{free:?}");
+        // What is forbidden or was told is not asked.
+        let forbidden = Known { forbidden: vec![(0, 1), (0, 2), (1, 2)], ..Known::default() };
+        assert_eq!(refined(&forbidden), start);
     }
 }
 

@@ -31,6 +31,11 @@ const MOST_DENSE: usize = 64;
 /// Times that it is asked which maps' walls agree, at most.
 const ROUNDS: usize = 3;
 
+/// Poses are refined until none moves by more than this share of a cell...
+const REFINED: f64 = 0.01;
+/// ... or by this, where draws will add their noise.
+pub const SETTLED: f64 = 0.05;
+
 /// Times that members are moved to where pairs contradict the optimum, at most.
 const MOVES: usize = 5;
 
@@ -57,11 +62,11 @@ pub fn refine(
     known: &Known,
     config: &Config,
 ) -> Refined {
-    let (poses, mut edges) = self::poses(maps, members, poses, held, known, config);
+    let (poses, mut edges) = self::poses(maps, members, poses, held, known, (REFINED, config));
     let mut here = Arrangement::new(maps, members, poses, known, config);
     for _ in 0..MOVES {
         let Some(moved) = here.moved(held, pairs, known) else { break };
-        let (poses, of_moved) = self::poses(maps, members, &moved, held, known, config);
+        let (poses, of_moved) = self::poses(maps, members, &moved, held, known, (REFINED, config));
         let there = Arrangement::new(maps, members, poses, known, config);
         if there.evidence() <= here.evidence() {
             break;
@@ -77,18 +82,19 @@ pub fn refine(
     Refined { covariances: covariances(h, pulls, held, &arms, resolution, config), poses, rms }
 }
 
-/// The refined poses alone, and the pairs of members whose walls led them there.
+/// The refined poses alone, and the pairs of members whose walls led them there. `still`: up to which share of a cell
+/// they may still move.
 pub fn poses(
     maps: &[LocalMap],
     members: &[usize],
     poses: &[Se2],
     held: &[usize],
     known: &Known,
-    config: &Config,
+    (still, config): (f64, &Config),
 ) -> (Vec<Se2>, Vec<(usize, usize)>) {
     let mut poses = poses.to_vec();
     let mut edges = overlapping(maps, members, &poses, known, config);
-    descend(maps, members, &mut poses, &edges, held, config);
+    descend(maps, members, &mut poses, &edges, held, (still, config));
     for _ in 1..ROUNDS {
         // Which walls agree is better known now.
         let agreeing = overlapping(maps, members, &poses, known, config);
@@ -96,7 +102,7 @@ pub fn poses(
             break;
         }
         edges = agreeing;
-        descend(maps, members, &mut poses, &edges, held, config);
+        descend(maps, members, &mut poses, &edges, held, (still, config));
     }
     (poses, edges)
 }
@@ -112,14 +118,15 @@ fn narrow(maps: &[LocalMap], members: &[usize], config: &Config) -> f64 {
     config.refine.kernel.unwrap_or(walls)
 }
 
-/// Leads poses to where the walls of the edges fit best under a kernel that narrows down.
+/// Leads poses to where the walls of the edges fit best under a kernel that narrows down, until none moves by more than
+/// `still` cells.
 fn descend(
     maps: &[LocalMap],
     members: &[usize],
     poses: &mut [Se2],
     edges: &[(usize, usize)],
     held: &[usize],
-    config: &Config,
+    (still, config): (f64, &Config),
 ) {
     let n = members.len();
     let (resolution, narrow) = (resolution(maps, members), narrow(maps, members, config));
@@ -150,7 +157,7 @@ fn descend(
         }
         if scale > narrow {
             scale = (0.7 * scale).max(narrow);
-        } else if moved < 0.01 * resolution {
+        } else if moved < still * resolution {
             break;
         }
     }

@@ -142,8 +142,8 @@ impl Index {
 
     /// What the words of a map say of the transforms of others to it, by the other map: to put a few hundred votes in
     /// order again and again takes less than all at once.
-    fn votes(&self, map: usize, marks: &[Vec<Mark>], centers: &[Vec2]) -> Vec<Vec<Vote>> {
-        let mut votes: Vec<Vec<Vote>> = marks.iter().map(|_| Vec::new()).collect();
+    fn votes(&self, map: usize, marks: &[Vec<Mark>], centers: &[Vec2]) -> Vec<Votes> {
+        let mut votes: Vec<Votes> = marks.iter().map(|_| Votes::default()).collect();
         each_word(&marks[map], |kinds, (u, v, turn), (middle, way)| {
             let (along, direction) = (way.normalize(), way.y.atan2(way.x));
             // Of the squares and directions around, those that are nearest.
@@ -170,8 +170,7 @@ impl Index {
                             middle + Vec2::new(c * arm.x - s * arm.y, s * arm.x + c * arm.y);
                         let bins = [0.0, 0.5].map(|grid| bin(center, theta, grid));
                         let (at, theta) = ([center.x as f32, center.y as f32], theta as f32);
-                        let of_map = &mut votes[w.map as usize];
-                        of_map.extend(bins.map(|bin| Vote { bin, weight, at, theta }));
+                        votes[w.map as usize].add(bins, Vote { weight, at, theta });
                     }
                 }
             }
@@ -189,10 +188,10 @@ impl Index {
         let mut votes = self.votes(map, marks, centers);
         let mut bins: Vec<(f32, usize, Range<usize>)> = Vec::new();
         for (other, votes) in votes.iter_mut().enumerate() {
-            votes.sort_by_key(|vote| vote.bin);
+            votes.binned.sort_unstable();
             let mut begin = 0;
-            for alike in votes.chunk_by(|x, y| x.bin == y.bin) {
-                let weight = alike.iter().map(|v| f64::from(v.weight)).sum::<f64>();
+            for alike in votes.binned.chunk_by(|x, y| x >> VOTE_BITS == y >> VOTE_BITS) {
+                let weight = votes.of(alike).map(|v| f64::from(v.weight)).sum::<f64>();
                 bins.push((weight as f32, other, begin..begin + alike.len()));
                 begin += alike.len();
             }
@@ -208,7 +207,8 @@ impl Index {
         }
         bins.sort_unstable_by(most_first);
         let transform = |(_, other, alike): (f32, usize, Range<usize>)| {
-            let (at, theta) = mean(&votes[other][alike]);
+            let votes = &votes[other];
+            let (at, theta) = mean(votes.of(&votes.binned[alike]));
             let turn = Se2::new(0.0, 0.0, theta);
             (other, Se2::from_parts(at - turn.rotate(centers[other]), theta))
         };
@@ -218,17 +218,42 @@ impl Index {
 
 /// A vote for one transform: where the other map's centre lies, and how it is turned.
 struct Vote {
-    bin: u64,
     weight: f32,
     at: [f32; 2],
     theta: f32,
 }
 
+/// Bits below the bin that number a vote: two maps' words agree far fewer times.
+const VOTE_BITS: u32 = 29;
+
+/// What the words say of one other map.
+#[derive(Default)]
+struct Votes {
+    /// In the order in which they were found.
+    votes: Vec<Vote>,
+    /// The bins of each vote, and below them its number: numbers alone are quickly put in order.
+    binned: Vec<u64>,
+}
+
+impl Votes {
+    fn add(&mut self, bins: [u64; 2], vote: Vote) {
+        let number = self.votes.len() as u64;
+        debug_assert!(number >> VOTE_BITS == 0);
+        self.binned.extend(bins.map(|bin| bin << VOTE_BITS | number));
+        self.votes.push(vote);
+    }
+
+    fn of<'v>(&'v self, binned: &'v [u64]) -> impl Iterator<Item = &'v Vote> {
+        binned.iter().map(|b| &self.votes[(b & ((1 << VOTE_BITS) - 1)) as usize])
+    }
+}
+
 /// The means of some votes.
-fn mean(votes: &[Vote]) -> (Vec2, f64) {
-    let first = f64::from(votes[0].theta);
+fn mean<'v>(mut votes: impl Iterator<Item = &'v Vote>) -> (Vec2, f64) {
+    let Some(v) = votes.next() else { return (Vec2::zeros(), 0.0) };
+    let first = f64::from(v.theta);
     let (mut weight, mut at, mut off) = (0.0, Vec2::zeros(), 0.0);
-    for v in votes {
+    for v in std::iter::once(v).chain(votes) {
         let w = f64::from(v.weight);
         weight += w;
         at += Vec2::new(f64::from(v.at[0]), f64::from(v.at[1])) * w;

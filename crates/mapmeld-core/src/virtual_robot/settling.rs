@@ -29,7 +29,8 @@ impl VirtualRobot<'_> {
         let (members, poses): (Vec<usize>, Vec<Se2>) =
             layers.iter().map(|l| (l.map, l.t_world_map)).unzip();
         let held = prior::held(&members, &self.known.priors);
-        let (poses, _) = refine::poses(self.maps, &members, &poses, &held, self.known, self.config);
+        let enough = (refine::SETTLED, self.config);
+        let (poses, _) = refine::poses(self.maps, &members, &poses, &held, self.known, enough);
         self.memory.forget_words();
         let placed = layers.iter().zip(poses);
         placed.fold(Overlay::default(), |below, (l, x)| self.fold(&below, l.map, x, l.probability))

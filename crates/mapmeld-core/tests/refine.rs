@@ -196,7 +196,11 @@ fn a_map_leaves_an_optimum_that_its_pairs_contradict() {
         };
         let free = refined(&Known::default());
         assert!(worst(&maps, &free, &[Se2::IDENTITY; 3]).0 < 0.3 * CELL, "{free:?}");
-        // What is forbidden or was told is not asked.
+        // What was told stays as it would without pairs, and what is forbidden is not asked.
+        let covariance = Matrix3::from_diagonal(&Vector3::new(0.1, 0.1, 0.1));
+        let prior = |t: &Se2| Some(Prior { t_world_map: *t, covariance, is_pinned: false });
+        let told = Known { priors: start.iter().map(prior).collect(), ..Known::default() };
+        assert_eq!(refined(&told), stuck.poses);
         let forbidden = Known { forbidden: vec![(0, 1), (0, 2), (1, 2)], ..Known::default() };
         assert_eq!(refined(&forbidden), start);
     }
